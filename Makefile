@@ -1,0 +1,43 @@
+# Every target sets up .venv by itself; `make help` lists them.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+GOLDEN ?= ../shared/golden
+LABS   ?= ../shared/labs
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test quick lint conformance bench clean
+
+help:  ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
+
+# The stamp holds the environment: it is made again when pyproject.toml changes.
+$(VENV)/.stamp: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	@touch $@
+
+setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
+
+demo: $(VENV)/.stamp  ## the whole path once: simulator, agent, localization.out, a table and a figure
+	$(BIN)/python -m examples.demo
+
+lint: $(VENV)/.stamp  ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+quick: $(VENV)/.stamp  ## the tests that take less than a few seconds each
+	$(BIN)/python -m pytest -m "not slow"
+
+test: lint  ## everything CI runs
+	$(BIN)/python -m pytest
+
+conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator (GOLDEN=... LABS=...)
+	$(BIN)/python -m benchmarks.conformance --golden $(GOLDEN) --labs $(LABS)
+
+bench: $(VENV)/.stamp  ## speed, as ratios to plain references; writes build/bench.json
+	$(BIN)/python -m benchmarks
+
+clean:  ## remove what the other targets made
+	rm -rf $(VENV) build dist demo .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,39 @@
+"""Errors that say whose fault they are.
+
+Each message is one line that says what is wrong, where, and what to do about it.
+"""
+
+from __future__ import annotations
+
+
+class CiberratoError(Exception):
+    """Base of every error that this project raises for what its users and peers do."""
+
+
+class ProtocolError(CiberratoError):
+    """The peer's bytes are not a message of the protocol."""
+
+
+class LabError(CiberratoError):
+    """A lab, grid, parameter, log or belief file has the wrong contents.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong and what to do, without the place.
+    source : str
+        The file's name, as the user gave it.
+    line : int or None
+        The line in the file, counted from 1.
+    """
+
+    def __init__(self, problem: str, *, source: str = "", line: int | None = None) -> None:
+        place = ":".join(str(part) for part in (source or None, line) if part is not None)
+        super().__init__(f"{place}: {problem}" if place else problem)
+        self.problem = problem
+        self.source = source
+        self.line = line
+
+
+class UsageError(CiberratoError):
+    """The command line, or another argument, cannot be used as given."""

@@ -1,0 +1,317 @@
+"""Every message of the protocol as a frozen record. `Lab` and `StartGrid` are messages too.
+
+Values are those on the wire: degrees, units, cycles. What is absent on the wire is None (or empty).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ciberrato.lab import Lab
+from ciberrato.parameters import Parameters
+from ciberrato.startgrid import StartGrid
+
+DEFAULT_SENSOR_ANGLES = (0.0, 60.0, -60.0, 180.0)
+"""Mounting angles in degrees of the IR sensors 0 to 3 unless a registration says otherwise."""
+
+# --- client to simulator, main port -------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotRegistration:
+    """A robot asks for a place.
+
+    Attributes
+    ----------
+    name : str or None
+    robot_id : int
+        Position in the start grid, counted from 1; 0 = the first free one.
+    sensor_angles : tuple of (int, float)
+        (IR sensor id, mounting angle in degrees, counter-clockwise from the front), as sent.
+    """
+
+    name: str | None = None
+    robot_id: int = 0
+    sensor_angles: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def angles(self) -> tuple[float, float, float, float]:
+        """Angles of all four sensors, the defaults filled in; ids other than 0 to 3 are ignored."""
+        angles = list(DEFAULT_SENSOR_ANGLES)
+        for sensor, angle in self.sensor_angles:
+            if 0 <= sensor < 4:
+                angles[sensor] = angle
+        return (angles[0], angles[1], angles[2], angles[3])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotBeaconRegistration:
+    """A robot that carries a beacon asks for a place.
+
+    Attributes
+    ----------
+    name : str or None
+    robot_id : int
+        As in `RobotRegistration`.
+    height : float
+        Height of the beacon.
+    """
+
+    name: str | None = None
+    robot_id: int = 0
+    height: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ViewRegistration:
+    """A viewer asks to be told everything."""
+
+
+@dataclass(frozen=True, slots=True)
+class PanelRegistration:
+    """A control panel registers; it gets a Reply and nothing else."""
+
+
+Registration = RobotRegistration | RobotBeaconRegistration | ViewRegistration | PanelRegistration
+
+# --- robot to simulator --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Actions:
+    """What a robot wants; None leaves things as they are.
+
+    Attributes
+    ----------
+    left_motor, right_motor : float or None
+        Motor commands in units a cycle, before clamping.
+    end_led, returning_led, visiting_led : bool or None
+    requests : tuple of str
+        Names of the sensors asked for, in the order of the wire (``IRSensor0``, ``Beacon1``, ``Compass``).
+    say : str or None
+        Text for the robots around.
+    reset : bool
+        Ask the simulator to start the world again.
+    """
+
+    left_motor: float | None = None
+    right_motor: float | None = None
+    end_led: bool | None = None
+    returning_led: bool | None = None
+    visiting_led: bool | None = None
+    requests: tuple[str, ...] = ()
+    say: str | None = None
+    reset: bool = False
+
+
+# --- viewer to simulator -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class LabRequest:
+    """Send me the lab."""
+
+
+@dataclass(frozen=True, slots=True)
+class GridRequest:
+    """Send me the start grid."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Start, or go on after a Stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Pause."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """Forget all robots and views and begin again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemoveRobot:
+    """Take a robot out of the world.
+
+    Attributes
+    ----------
+    robot_id : int
+    """
+
+    robot_id: int
+
+
+ViewCommand = LabRequest | GridRequest | Start | Stop | Reset | RemoveRobot
+
+# --- simulator to client -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """The registration is refused."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acceptance:
+    """The registration is accepted.
+
+    Attributes
+    ----------
+    parameters : Parameters
+    n_beacons : int
+        Number of beacons in the lab.
+    """
+
+    parameters: Parameters
+    n_beacons: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeaconReading:
+    """What a beacon sensor says.
+
+    Attributes
+    ----------
+    beacon : int
+        The beacon's number, from 0.
+    bearing : float or None
+        Degrees from the robot's heading; None = not visible.
+    """
+
+    beacon: int
+    bearing: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeardMessage:
+    """What another robot (or this one) said in this cycle.
+
+    Attributes
+    ----------
+    sender : int
+        The speaker's position number.
+    text : str
+    """
+
+    sender: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScoreReading:
+    """The score sensor.
+
+    Attributes
+    ----------
+    score : int
+    arrival_time, returning_time : int
+        Cycles.
+    collisions : int
+        Number of collisions so far.
+    collision : bool
+        Whether one is going on.
+    visited_mask : str
+        One digit a target.
+    """
+
+    score: int = 0
+    arrival_time: int = 0
+    returning_time: int = 0
+    collisions: int = 0
+    collision: bool = False
+    visited_mask: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measures:
+    """What a robot's sensors say after a cycle.
+
+    Attributes
+    ----------
+    time : int
+        Simulated cycles so far.
+    start, stop : bool
+        The buttons: whether the coming state of the simulator is Running, or Stopped.
+    end_led, returning_led, visiting_led : bool
+        As last commanded.
+    collision : bool or None
+    compass : float or None
+        Degrees.
+    ground : int or None
+        Number of the target that the robot is in, -1 for none.
+    infrared : tuple of four (float or None)
+        Readings of the IR sensors 0 to 3, about 1/distance.
+    beacons : tuple of BeaconReading
+    gps : (float, float) or None
+        x, y in units, with an offset unknown to the robot.
+    line : str or None
+        Seven characters 0 or 1, leftmost element first.
+    messages : tuple of HeardMessage
+    score : ScoreReading or None
+    """
+
+    time: int
+    start: bool = False
+    stop: bool = False
+    end_led: bool = False
+    returning_led: bool = False
+    visiting_led: bool = False
+    collision: bool | None = None
+    compass: float | None = None
+    ground: int | None = None
+    infrared: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
+    beacons: tuple[BeaconReading, ...] = ()
+    gps: tuple[float, float] | None = None
+    line: str | None = None
+    messages: tuple[HeardMessage, ...] = ()
+    score: ScoreReading | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotStatus:
+    """What a viewer is told of each robot in each cycle.
+
+    Attributes
+    ----------
+    name : str
+    robot_id : int
+    time : int
+        Simulated cycles so far.
+    score : int
+        Signed; the wire wraps it to 32 bits without sign, as the real simulator does.
+    arrival_time, returning_time, collisions : int
+    collision : bool
+    visited_mask : str
+    state : str
+        ``Stopped``, ``Running``, ``Waiting``, ``Returning``, ``Finished`` or ``Removed``.
+    x, y : float
+        True position in units.
+    direction : float
+        True heading in degrees.
+    """
+
+    name: str
+    robot_id: int
+    time: int = 0
+    score: int = 0
+    arrival_time: int = 0
+    returning_time: int = 0
+    collisions: int = 0
+    collision: bool = False
+    visited_mask: str = ""
+    state: str = "Stopped"
+    x: float = 0.0
+    y: float = 0.0
+    direction: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """The simulator was reset: views must register again."""
+
+
+SimulatorMessage = Refusal | Acceptance | Measures | Lab | StartGrid | RobotStatus | Restart
+ClientMessage = Registration | Actions | ViewCommand
