@@ -1,0 +1,1 @@
+"""The agent: drives a robot from left to right through a known lab and works out in which cell it began."""

@@ -1,0 +1,373 @@
+"""The agent's log: JSON Lines, one line a cycle, written as the run goes on and read back afterwards.
+
+The first line describes the run (`RunHeader`), each following one a Measures message and what the agent made
+of it (`Cycle`). Every line is handed to the operating system as soon as it is complete, so that a killed
+agent leaves a log that is good to its last full line. Numbers are written with all their digits: what is read
+back equals what was written.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ciberrato.errors import LabError
+from ciberrato.parameters import Parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import TracebackType
+
+FORMAT = "ciberrato-run"
+FORMAT_VERSION = 1
+
+Readings = tuple[float | None, float | None, float | None, float | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunHeader:
+    """What is known when the run begins.
+
+    Attributes
+    ----------
+    format_version : int
+        Version of this document; readers refuse any other.
+    lab_name : str
+        File name of the lab, without its folder.
+    lab_sha256 : str
+        SHA-256 of the lab file's bytes, in hexadecimal.
+    parameters : Parameters
+        As the simulator announced them.
+    n_beacons : int
+        As announced.
+    sensor_angles : tuple of float
+        Mounting angles of the four IR sensors in degrees, counter-clockwise from the front.
+    preset : str
+        Filter preset asked for, ``seed`` or ``calibrated``.
+    seed : int or None
+        Seed of the simulation where the caller told it; the agent draws no random numbers.
+    robot_name : str
+    robot_position : int
+        Position asked for, 0 = any free one.
+    cruise : float
+        Motor command for driving straight on, in units a cycle.
+    precision : int
+        Decimals of the probabilities in the output file.
+    """
+
+    format_version: int = FORMAT_VERSION
+    lab_name: str
+    lab_sha256: str
+    parameters: Parameters
+    n_beacons: int = 0
+    sensor_angles: tuple[float, float, float, float]
+    preset: str = "calibrated"
+    seed: int | None = None
+    robot_name: str = ""
+    robot_position: int = 0
+    cruise: float = 0.1
+    precision: int = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycle:
+    """One Measures message and what the agent made of it.
+
+    Attributes
+    ----------
+    time : int
+        Simulated cycles so far.
+    start, stop : bool
+        The buttons.
+    collision : bool or None
+    compass : float or None
+        Degrees.
+    ground : int or None
+    infrared : tuple of four (float or None)
+        IR readings of this message, sensors 0 to 3.
+    leds : tuple of bool
+        EndLed, ReturningLed, VisitingLed.
+    command : (float, float) or None
+        Left and right motor in effect after this message was dealt with; None before the first command.
+    answered : bool
+        Whether a command was sent in answer (of several waiting messages only the newest is answered).
+    displacement : float
+        Way driven to the right since the first cell's centre, in units, as estimated.
+    lateral : float
+        Distance to the left of the row's middle line, in units, as estimated.
+    heading : float
+        Heading in degrees, as estimated.
+    spread : tuple of float
+        Standard deviations of the last three, in their units.
+    phase : str
+        What the agent was doing; see `agent.phases`.
+    step : int or None
+        Number of the step that was recorded at this message: 0 = start cell, k = k-th cell entered.
+    readings : tuple of four (float or None), or None
+        The readings of that step. They are those in `infrared` unless the simulator sends sensors on request
+        only; then each is the newest there is.
+    """
+
+    time: int
+    start: bool = False
+    stop: bool = False
+    collision: bool | None = None
+    compass: float | None = None
+    ground: int | None = None
+    infrared: Readings = (None, None, None, None)
+    leds: tuple[bool, bool, bool] = (False, False, False)
+    command: tuple[float, float] | None = None
+    answered: bool = False
+    displacement: float = 0.0
+    lateral: float = 0.0
+    heading: float = 0.0
+    spread: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    phase: str = ""
+    step: int | None = None
+    readings: Readings | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One reading that the filter uses: at the start cell, or at the centre of a cell entered.
+
+    Attributes
+    ----------
+    index : int
+        0 = start cell, k = k-th cell entered.
+    time : int
+        Simulated cycles at the reading.
+    readings : tuple of four (float or None)
+        IR readings; None where the simulator sent none.
+    along, lateral : float
+        Estimated place of the robot relative to the cell's centre, in units: ahead, to the left.
+    heading : float
+        Estimated heading in degrees.
+    spread : tuple of float
+        Standard deviations of the last three, in their units.
+    """
+
+    index: int
+    time: int
+    readings: Readings
+    along: float = 0.0
+    lateral: float = 0.0
+    heading: float = 0.0
+    spread: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedRun:
+    """A run as logged.
+
+    Attributes
+    ----------
+    header : RunHeader
+    cycles : tuple of Cycle
+        In the order of the messages.
+    """
+
+    header: RunHeader
+    cycles: tuple[Cycle, ...] = ()
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The readings for the filter, in order."""
+        from ciberrato.lab import CELL_SIZE
+
+        return tuple(
+            Step(
+                index=cycle.step,
+                time=cycle.time,
+                readings=cycle.readings if cycle.readings is not None else cycle.infrared,
+                along=cycle.displacement - CELL_SIZE * cycle.step,
+                lateral=cycle.lateral,
+                heading=cycle.heading,
+                spread=cycle.spread,
+            )
+            for cycle in self.cycles
+            if cycle.step is not None
+        )
+
+
+class RunWriter:
+    """Writes a log; each line is flushed as soon as it is complete.
+
+    Parameters
+    ----------
+    path : Path
+        Log file; what it held is lost.
+    header : RunHeader
+    """
+
+    def __init__(self, path: Path, header: RunHeader) -> None:
+        self._file = path.open("wb", buffering=0)
+        self._write({"format": FORMAT, **_fields(header)})
+
+    def write(self, cycle: Cycle) -> None:
+        """Append one cycle."""
+        self._write({name: value for name, value in _fields(cycle).items() if value is not None})
+
+    def close(self) -> None:
+        """Close the file; more calls do no harm."""
+        self._file.close()
+
+    def __enter__(self) -> RunWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _write(self, document: dict[str, Any]) -> None:
+        # One system call a line, unbuffered: a line is in the file wholly or, if the disk is full, in part.
+        self._file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
+
+
+def read_run(path: Path) -> RecordedRun:
+    """Read a log.
+
+    A last line that is not complete (the agent was killed while writing it) is left out.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    RecordedRun
+
+    Raises
+    ------
+    LabError
+        If the file cannot be read, or a line is not what it should be; with the line's number.
+    """
+    source = str(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LabError(f"cannot read the log: {error.strerror or error}", source=source) from error
+    lines = data.split(b"\n")
+    lines.pop()  # empty after a complete last line, else the torn one
+    if not lines:
+        raise LabError("no complete line; this is not the log of a run", source=source)
+    header = _read_header(lines[0], source)
+    cycles = tuple(_read_cycle(line, source, number) for number, line in enumerate(lines[1:], start=2))
+    for expected, (index, number) in enumerate(
+        (cycle.step, number) for number, cycle in enumerate(cycles, start=2) if cycle.step is not None
+    ):
+        if index != expected:
+            raise LabError(f"step {index} where step {expected} was due", source=source, line=number)
+    return RecordedRun(header, cycles)
+
+
+def _fields(record: RunHeader | Cycle) -> dict[str, Any]:
+    """Return the record's fields by name; parameters become an object."""
+    fields = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
+    if isinstance(record, RunHeader):
+        fields["parameters"] = dataclasses.asdict(record.parameters)
+    return fields
+
+
+def _refuse(name: str) -> float:
+    raise ValueError(f"{name} is not a number of JSON")
+
+
+def _read_object(line: bytes, source: str, number: int) -> dict[str, Any]:
+    try:
+        document = json.loads(line, parse_constant=_refuse)
+    except ValueError as error:
+        raise LabError(f"not a line of JSON: {error}", source=source, line=number) from error
+    except RecursionError as error:
+        raise LabError("JSON nested too deeply", source=source, line=number) from error
+    if not isinstance(document, dict):
+        raise LabError("a JSON object was expected", source=source, line=number)
+    return document
+
+
+def _read_header(line: bytes, source: str) -> RunHeader:
+    document = _read_object(line, source, 1)
+    if document.pop("format", None) != FORMAT:
+        raise LabError(f'the first line does not say "format":"{FORMAT}"', source=source, line=1)
+    if document.get("format_version") != FORMAT_VERSION:
+        raise LabError(
+            f"format version {document.get('format_version')!r}; this program reads {FORMAT_VERSION}",
+            source=source,
+            line=1,
+        )
+    parameters = document.get("parameters")
+    if not isinstance(parameters, dict):
+        raise LabError("parameters: an object was expected", source=source, line=1)
+    document["parameters"] = _build(Parameters, parameters, source, 1)
+    header = _build(RunHeader, document, source, 1)
+    assert isinstance(header, RunHeader)
+    return header
+
+
+def _read_cycle(line: bytes, source: str, number: int) -> Cycle:
+    cycle = _build(Cycle, _read_object(line, source, number), source, number)
+    assert isinstance(cycle, Cycle)
+    return cycle
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _is_array(value: Any, length: int, *, gaps: bool = False) -> bool:
+    return (
+        isinstance(value, (list, tuple))
+        and len(value) == length
+        and all(_is_number(item) or (gaps and item is None) for item in value)
+    )
+
+
+# By annotation; annotations are text because of the __future__ import.
+_CHECKS: dict[str, Callable[[Any], bool]] = {
+    "int": lambda value: isinstance(value, int) and not isinstance(value, bool),
+    "float": _is_number,
+    "bool": lambda value: isinstance(value, bool),
+    "str": lambda value: isinstance(value, str),
+    "Parameters": lambda value: isinstance(value, Parameters),
+    "Readings": lambda value: _is_array(value, 4, gaps=True),
+    "tuple[bool, bool, bool]": lambda value: (
+        isinstance(value, list) and len(value) == 3 and all(isinstance(item, bool) for item in value)
+    ),
+    "tuple[float, float]": lambda value: _is_array(value, 2),
+    "tuple[float, float, float]": lambda value: _is_array(value, 3),
+    "tuple[float, float, float, float]": lambda value: _is_array(value, 4),
+}
+
+
+def _build(
+    kind: type[RunHeader | Cycle | Parameters], values: dict[str, Any], source: str, number: int
+) -> RunHeader | Cycle | Parameters:
+    """Make a record, checking that every value is known and of the right type."""
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    for name, value in values.items():
+        if name not in fields:
+            raise LabError(f"unknown entry {name!r}", source=source, line=number)
+        wanted = str(fields[name].type)
+        if wanted.endswith(" | None") and value is None:
+            continue
+        if not _CHECKS[wanted.removesuffix(" | None")](value):
+            raise LabError(f"{name}: {wanted} was expected", source=source, line=number)
+        if isinstance(value, list):
+            values[name] = tuple(value)
+    missing = [
+        name
+        for name, field in fields.items()
+        if name not in values
+        and field.default is dataclasses.MISSING
+        and field.default_factory is dataclasses.MISSING
+    ]
+    if missing:
+        raise LabError(f"{missing[0]} is missing", source=source, line=number)
+    return kind(**values)
