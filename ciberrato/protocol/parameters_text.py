@@ -1,0 +1,174 @@
+"""The Parameters element: in the Reply, and in the log document."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ciberrato.parameters import Parameters
+from ciberrato.protocol.text import attribute, general, strict_integer, strict_real
+
+_LAYOUT = """\
+<Parameters SimTime="%d" CycleTime="%d"
+\t\tCompassNoise="%s" BeaconNoise="%s" ObstacleNoise="%s"
+\t\tMotorsNoise="%s" KeyTime="%d"
+\t\tGPS="%s" GPSLinNoise="%s" GPSDirNoise="%s"\x20
+\t\tBeaconSensor="%s"\x20
+\t\tCompassSensor="%s"\x20
+\t\tScoreSensor="%s" ShowActions="%s" NBeacons="%d"\x20
+\t\tNRequestsPerCycle="%d"\x20
+\t\tObstacleRequestable="%s" BeaconRequestable="%s"\x20
+\t\tGroundRequestable="%s" CompassRequestable="%s"
+\t\tCollisionRequestable="%s"
+\t\tObstacleLatency="%d" BeaconLatency="%d"\x20
+\t\tGroundLatency="%d" CompassLatency="%d"
+\t\tCollisionLatency="%d"
+\t\tBeaconAperture="%f"
+\t\tReturnTimePenalty="%d" ArrivalTimePenalty="%d"\x20
+\t\tCollisionWallPenalty="%d" CollisionRobotPenalty="%d"\x20
+\t\tTargetReward="%d" HomeReward="%d"
+%s/>
+"""
+
+_INTEGERS = {
+    "SimTime": "sim_time",
+    "CycleTime": "cycle_time",
+    "KeyTime": "key_time",
+    "NRequestsPerCycle": "requests_per_cycle",
+    "ObstacleLatency": "obstacle_latency",
+    "BeaconLatency": "beacon_latency",
+    "GroundLatency": "ground_latency",
+    "CompassLatency": "compass_latency",
+    "CollisionLatency": "collision_latency",
+    "ReturnTimePenalty": "return_time_penalty",
+    "ArrivalTimePenalty": "arrival_time_penalty",
+    "CollisionWallPenalty": "collision_wall_penalty",
+    "CollisionRobotPenalty": "collision_robot_penalty",
+    "TargetReward": "target_reward",
+    "HomeReward": "home_reward",
+}
+_REALS = {
+    "CompassNoise": "compass_noise",
+    "BeaconNoise": "beacon_noise",
+    "ObstacleNoise": "obstacle_noise",
+    "MotorsNoise": "motors_noise",
+    "GPSLinNoise": "gps_linear_noise",
+    "GPSDirNoise": "gps_direction_noise",
+    "BeaconAperture": "beacon_aperture",
+}
+_SWITCHES = {
+    "GPS": "gps",
+    "BeaconSensor": "beacon_sensor",
+    "CompassSensor": "compass_sensor",
+    "ScoreSensor": "score_sensor",
+    "ObstacleRequestable": "obstacle_requestable",
+    "BeaconRequestable": "beacon_requestable",
+    "GroundRequestable": "ground_requestable",
+    "CompassRequestable": "compass_requestable",
+    "CollisionRequestable": "collision_requestable",
+}
+_NAMES = {"Lab": "lab_file", "Grid": "grid_file"}
+
+
+def encode_parameters(parameters: Parameters, n_beacons: int) -> str:
+    """Write the Parameters element as the real simulator does.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    n_beacons : int
+        Number of beacons in the lab.
+
+    Returns
+    -------
+    str
+        From ``<Parameters`` to the newline after ``/>``. `line_sensor_true_probability` is never announced.
+
+    Raises
+    ------
+    UsageError
+        If a file name cannot be written in XML.
+    """
+    p = parameters
+    files = "".join(
+        f'\t\t{name}="{attribute(value, f"Parameters {name}")}"\n'
+        for name, value in (("Lab", p.lab_file), ("Grid", p.grid_file))
+        if value is not None
+    )
+    return _LAYOUT % (
+        p.sim_time,
+        p.cycle_time,
+        general(p.compass_noise),
+        general(p.beacon_noise),
+        general(p.obstacle_noise),
+        general(p.motors_noise),
+        p.key_time,
+        _on(p.gps),
+        general(p.gps_linear_noise),
+        general(p.gps_direction_noise),
+        _on(p.beacon_sensor),
+        _on(p.compass_sensor),
+        _on(p.score_sensor),
+        "True" if p.show_actions else "False",
+        n_beacons,
+        p.requests_per_cycle,
+        _on(p.obstacle_requestable),
+        _on(p.beacon_requestable),
+        _on(p.ground_requestable),
+        _on(p.compass_requestable),
+        _on(p.collision_requestable),
+        p.obstacle_latency,
+        p.beacon_latency,
+        p.ground_latency,
+        p.compass_latency,
+        p.collision_latency,
+        p.beacon_aperture,
+        p.return_time_penalty,
+        p.arrival_time_penalty,
+        p.collision_wall_penalty,
+        p.collision_robot_penalty,
+        p.target_reward,
+        p.home_reward,
+        files,
+    )
+
+
+def decode_parameters(attributes: Mapping[str, str]) -> tuple[Parameters, int]:
+    """Read the attributes of a Parameters element that a simulator or a log player sent.
+
+    Parameters
+    ----------
+    attributes : mapping of str to str
+        Those of the element; what is missing keeps its built-in default, unknown ones do not matter.
+
+    Returns
+    -------
+    parameters : Parameters
+    n_beacons : int
+        0 where it is not announced.
+
+    Raises
+    ------
+    ProtocolError
+        If a number is none; names the attribute.
+    """
+    values: dict[str, object] = {}
+    n_beacons = 0
+    for name, text in attributes.items():
+        place = f"Parameters {name}"
+        if name in _INTEGERS:
+            values[_INTEGERS[name]] = strict_integer(text, place)
+        elif name in _REALS:
+            values[_REALS[name]] = strict_real(text, place)
+        elif name in _SWITCHES:
+            values[_SWITCHES[name]] = text == "On"
+        elif name in _NAMES:
+            values[_NAMES[name]] = text
+        elif name == "ShowActions":
+            values["show_actions"] = text == "True"
+        elif name == "NBeacons":
+            n_beacons = strict_integer(text, place)
+    return Parameters(**values), n_beacons  # type: ignore[arg-type]  # the tables above give each field its type
+
+
+def _on(switch: bool) -> str:
+    return "On" if switch else "Off"
