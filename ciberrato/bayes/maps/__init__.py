@@ -1,0 +1,1 @@
+"""Maps in which ranges can be computed: occupancy grids and line segments."""

@@ -1,0 +1,208 @@
+"""What a belief says: entropy, most likely cells, hypotheses, means, credible sets."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
+from ciberrato.bayes.spaces import StateSpace
+
+
+def entropy_bits(belief: ArrayLike) -> float:
+    """Give the Shannon entropy in bits: 0 when certain, log2 of the number of states when uniform."""
+    masses = np.asarray(belief, dtype=float).ravel()
+    masses = masses[masses > 0.0]
+    # The sum is zero or more by mathematics; rounding may make it -1e-16.
+    return max(0.0, float(-(masses * np.log2(masses)).sum()))
+
+
+def most_likely_cell(belief: ArrayLike) -> tuple[int, ...]:
+    """Give the index of the greatest cell; of several equal ones the first in row-major order."""
+    belief = np.asarray(belief, dtype=float)
+    return tuple(int(i) for i in np.unravel_index(int(belief.argmax()), belief.shape))
+
+
+def most_likely_cells(belief: ArrayLike, *, tolerance: float = 1e-9) -> IntArray:
+    """Give all cells that share the greatest probability.
+
+    Parameters
+    ----------
+    belief : array_like
+        Any shape.
+    tolerance : float
+        Relative difference up to which two cells count as tied: symmetric states differ by rounding.
+
+    Returns
+    -------
+    IntArray, shape (ties, number of axes)
+        Indices in row-major order; at least one.
+    """
+    belief = np.asarray(belief, dtype=float)
+    return np.argwhere(belief >= belief.max() * (1.0 - tolerance))
+
+
+class Mode(NamedTuple):
+    """One hypothesis: a hill of the belief.
+
+    Attributes
+    ----------
+    peak : tuple of int
+        Index of its greatest cell.
+    mass : float
+        Of all cells whose steepest ascent ends at the peak.
+    cells : int
+        Number of these cells.
+    """
+
+    peak: tuple[int, ...]
+    mass: float
+    cells: int
+
+
+def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: float = 0.01) -> list[Mode]:
+    """Split a belief into hills and give those with enough mass.
+
+    Each cell points to its greatest neighbour (orthogonal and diagonal), if that is greater than itself; the
+    cells that lead to one peak are one hypothesis. Neighbouring equal cells point to the first of them in
+    row-major order, so that a flat top is one hill and not many.
+
+    Parameters
+    ----------
+    belief : array_like
+        Any shape.
+    space : StateSpace, optional
+        Tells which axes are periodic; none if not given.
+    least_mass : float
+        Hills below this are left out; the masses left out are what is missing from a sum of 1.
+
+    Returns
+    -------
+    list of Mode
+        By falling mass.
+    """
+    belief = np.asarray(belief, dtype=float)
+    best, target = belief.copy(), np.arange(belief.size).reshape(belief.shape)
+    for offset in np.ndindex(*(3,) * belief.ndim):
+        step = tuple(o - 1 for o in offset)
+        if any(step):
+            value, index = belief, np.arange(belief.size).reshape(belief.shape)
+            for i, s in enumerate(step):
+                value, index = np.roll(value, -s, axis=i), np.roll(index, -s, axis=i)
+            greater = (value > best) | ((value == best) & (index < target))
+            greater &= (value > 0.0) & _neighbour_exists(belief.shape, step, space)
+            best, target = np.where(greater, value, best), np.where(greater, index, target)
+    root = target.ravel()
+    while True:  # pointer doubling: the length of the chains halves each time
+        further = root[root]
+        if np.array_equal(further, root):
+            break
+        root = further
+    mass = np.bincount(root, weights=belief.ravel(), minlength=belief.size)
+    cells = np.bincount(root[belief.ravel() > 0.0], minlength=belief.size)
+    found = np.flatnonzero(mass >= max(least_mass, np.finfo(float).tiny))
+    hills = [
+        Mode(tuple(int(i) for i in np.unravel_index(int(k), belief.shape)), float(mass[k]), int(cells[k]))
+        for k in found
+    ]
+    return sorted(hills, key=lambda hill: -hill.mass)
+
+
+def _neighbour_exists(shape: tuple[int, ...], step: tuple[int, ...], space: StateSpace | None) -> BoolArray:
+    exists = np.ones(shape, dtype=bool)
+    for i, (size, s) in enumerate(zip(shape, step, strict=True)):
+        if s and not (space is not None and space.axes[i].periodic):
+            place = np.arange(size) + s
+            ends = (place >= 0) & (place < size)
+            exists &= ends.reshape((-1,) + (1,) * (len(shape) - 1 - i))
+    return exists
+
+
+class Moments(NamedTuple):
+    """Mean and spread of a belief.
+
+    Attributes
+    ----------
+    mean : FloatArray, shape (number of axes,)
+        On periodic axes the circular mean, within the axis' range.
+    covariance : FloatArray, shape (number of axes, number of axes)
+        Of the differences from the mean, taken the short way round on periodic axes.
+    concentration : FloatArray, shape (number of axes,)
+        On periodic axes the length of the mean direction vector, 0 (no preferred direction, the mean means
+        nothing) to 1 (certain); 1 on bounded axes.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    concentration: FloatArray
+
+
+def moments(belief: ArrayLike, space: StateSpace) -> Moments:
+    """Give mean and covariance over the cell centres, circular on periodic axes.
+
+    Parameters
+    ----------
+    belief : array_like
+        Shape of the space; need not be normalized but must have mass.
+    space : StateSpace
+        Its axes.
+    """
+    masses: FloatArray = np.asarray(belief, dtype=float)
+    masses = masses / masses.sum()
+    mean, concentration, differences = [], [], []
+    for i, axis in enumerate(space.axes):
+        others = tuple(j for j in range(masses.ndim) if j != i)
+        marginal, centres = masses.sum(axis=others), axis.centres
+        centre, strength = float(marginal @ centres), 1.0
+        if axis.periodic:
+            turn = 2.0 * np.pi / axis.length
+            vector = complex(marginal @ np.exp(1j * turn * (centres - axis.origin)))
+            centre = axis.origin + float(np.angle(vector)) / turn % axis.length
+            strength = abs(vector)
+        mean.append(centre)
+        concentration.append(strength)
+        differences.append(axis.difference(centres, centre))
+    covariance = np.empty((masses.ndim, masses.ndim))
+    for i in range(masses.ndim):
+        for j in range(i, masses.ndim):
+            others = tuple(k for k in range(masses.ndim) if k not in (i, j))
+            pair = masses.sum(axis=others)
+            value = pair @ differences[i] ** 2 if i == j else differences[i] @ pair @ differences[j]
+            covariance[i, j] = covariance[j, i] = value
+    return Moments(np.array(mean), covariance, np.array(concentration))
+
+
+def marginal(belief: ArrayLike, space: StateSpace, *names: str) -> FloatArray:
+    """Sum out all axes but those named; the result's axes are in the order of the names."""
+    keep = [space.position(name) for name in names]
+    kept_in_order = sorted(keep)
+    summed = np.asarray(belief, dtype=float).sum(
+        axis=tuple(i for i in range(len(space.axes)) if i not in keep)
+    )
+    return np.transpose(summed, [kept_in_order.index(i) for i in keep])
+
+
+def credible_set(belief: ArrayLike, mass: float = 0.95) -> BoolArray:
+    """Give the smallest set of cells that holds at least `mass` of the belief.
+
+    Parameters
+    ----------
+    belief : array_like
+        Sums to 1.
+    mass : float
+        In (0, 1].
+
+    Returns
+    -------
+    BoolArray
+        Same shape. Cells that tie with the last one taken are all taken, so that symmetric states are treated
+        alike.
+    """
+    if not 0.0 < mass <= 1.0:
+        raise ValueError(f"the mass of a credible set is in (0, 1], not {mass}")
+    belief = np.asarray(belief, dtype=float)
+    falling = np.sort(belief.ravel())[::-1]
+    needed = min(int(np.searchsorted(np.cumsum(falling), mass - 1e-12)), belief.size - 1)
+    return np.asarray((belief >= falling[needed] * (1.0 - 1e-9)) & (belief > 0.0))
