@@ -33,6 +33,8 @@ class GroundTruth:
         Whether no wall stops a straight drive from the cell to the one on its right.
     north : ndarray of bool, shape (rows - 1, columns)
         The same to the one above.
+    free : ndarray of bool, shape (rows, columns)
+        Whether a robot can stand in the cell's centre.
     offsets : ndarray, shape (K, 3)
         Pose errors that a robot may have when it takes the reading of a step: ahead and to the left of the
         cell's centre in units, heading in radians.
@@ -45,6 +47,7 @@ class GroundTruth:
     readings: NDArray[np.float64]
     east: NDArray[np.bool_]
     north: NDArray[np.bool_]
+    free: NDArray[np.bool_]
     offsets: NDArray[np.float64]
     weights: NDArray[np.float64]
     spread: NDArray[np.float64] | None = None
@@ -116,33 +119,45 @@ def compute_ground_truth(
     """
     import numpy as np
 
-    from ciberrato.geometry import WallMap
-    from ciberrato.infrared import (
-        cell_centres,
-        cell_openings,
-        ideal_reading,
-        nearest_in_cone,
-        sensor_distances,
-    )
+    from ciberrato.infrared import cell_openings, cell_readings
 
-    walls = WallMap.from_lab(lab)
-    distances = {"sensor": sensor_distances, "cone": nearest_in_cone}[model]
-    centres = cell_centres(lab)[..., None, :]
-    directions = np.asarray(angles) / 180.0 * np.pi  # in the real simulator's order, to the last bit
     east, north = cell_openings(lab)
-    readings = ideal_reading(distances(walls, centres[..., 0], centres[..., 1], directions))
+    readings = cell_readings(lab, angles, model=model)
+    free = standing_room(lab)
     if motors_noise <= 0.0:
         return GroundTruth(
-            readings=readings, east=east, north=north, offsets=np.zeros((1, 3)), weights=np.ones(1)
+            readings=readings, east=east, north=north, free=free, offsets=np.zeros((1, 3)), weights=np.ones(1)
         )
     offsets, weights = pose_error_nodes(pose_error(motors_noise))
-    ahead, left, turn = (offsets[:, axis, None, None, None] for axis in range(3))
-    spread = ideal_reading(
-        distances(walls, centres[..., 0] + ahead, centres[..., 1] + left, directions + turn)
-    )
+    spread = cell_readings(lab, angles, model=model, offsets=offsets)
     return GroundTruth(
-        readings=readings, east=east, north=north, offsets=offsets, weights=weights, spread=spread
+        readings=readings, east=east, north=north, free=free, offsets=offsets, weights=weights, spread=spread
     )
+
+
+def standing_room(lab: Lab) -> NDArray[np.bool_]:
+    """Tell in which cell centres a robot can stand.
+
+    Parameters
+    ----------
+    lab : Lab
+
+    Returns
+    -------
+    ndarray of bool, shape (rows, columns)
+        False where the centre is inside a wall or closer to one than the robot's radius.
+    """
+    import dataclasses
+
+    from ciberrato.geometry import WallMap
+    from ciberrato.infrared import cell_centres
+    from ciberrato.kinematics import ROBOT_RADIUS
+
+    # Lines on the floor are polygons too, but a robot may stand on them.
+    obstacles = tuple(wall for wall in lab.walls if wall.height > 0.0)
+    walls = WallMap.from_lab(dataclasses.replace(lab, walls=obstacles))
+    x, y = cell_centres(lab)[..., 0], cell_centres(lab)[..., 1]
+    return (walls.distance(x, y) >= ROBOT_RADIUS) & ~walls.inside_polygons(x, y)
 
 
 class GroundTruthWorker:

@@ -1,0 +1,41 @@
+"""Write files so that they are there whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+from ciberrato.errors import UsageError
+
+TEMPORARY_SUFFIX = ".partial"
+
+
+def replace_file(path: Path, contents: bytes) -> None:
+    """Write a file under a temporary name in the same folder, then rename it into place.
+
+    A reader sees the old file or the new one, also after a crash or a kill. What a kill leaves behind is
+    a file named ``.NAME.PID.partial``, safe to delete.
+
+    Parameters
+    ----------
+    path : Path
+        The file to make or replace.
+    contents : bytes
+
+    Raises
+    ------
+    UsageError
+        If it cannot be written; the old file is then untouched.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    try:
+        with open(temporary, "wb") as stream:
+            stream.write(contents)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None

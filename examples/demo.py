@@ -1,0 +1,227 @@
+"""The whole path once: simulator, agent, ``localization.out``, a table and a figure.
+
+Starts the simulator on a free port and the agent as a process of its own, lets the robot drive until a
+wall stops it, sends the agent the signal that Ctrl-C sends, and looks at what it leaves. The agent is told
+the lab, not where in it the robot stands. Run it as ``make demo`` or ``python -m examples.demo``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import IO
+
+from agent.belieffile import read_beliefs
+from agent.runlog import read_run
+from agent.summary import Cell, step_table
+from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.lab import CELL_SIZE
+from ciberrato.labfile import read_lab
+from maps import find_lab
+
+LAB = "standard"
+PATIENCE = 60.0
+"""Seconds after which a process that says nothing is given up."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the demonstration.
+
+    Parameters
+    ----------
+    argv : sequence of str or None
+        Command line without the program's name.
+
+    Returns
+    -------
+    int
+        Exit status: 0 when the robot ended up most likely where it really is.
+    """
+    parser = argparse.ArgumentParser(prog="python -m examples.demo", description=__doc__.partition("\n")[0])
+    parser.add_argument("--seed", type=int, default=7, help="seed of the simulator's noise (7)")
+    parser.add_argument("--folder", type=Path, default=Path("demo"), help="where the files go (demo)")
+    options = parser.parse_args(argv)
+    try:
+        return demonstrate(options.folder, options.seed)
+    except CiberratoError as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return 2
+
+
+def demonstrate(folder: Path, seed: int) -> int:
+    """Run simulator and agent once and show what came of it.
+
+    Parameters
+    ----------
+    folder : Path
+        Gets ``localization.out``, ``run.jsonl``, ``truth.csv`` and ``belief.png``.
+    seed : int
+
+    Returns
+    -------
+    int
+        0 when the last belief is right.
+
+    Raises
+    ------
+    UsageError
+        If one of the processes fails.
+    """
+    began = time.monotonic()
+    folder.mkdir(parents=True, exist_ok=True)
+    output, log, truth = folder / "localization.out", folder / "run.jsonl", folder / "truth.csv"
+    for path in (output, log, truth, folder / "belief.png"):
+        path.unlink(missing_ok=True)  # what is there afterwards is from this run
+    simulator_words = ["--lab", LAB, "--grid", LAB, "--seed", str(seed), "--port", "0"]
+    simulator_words += ["--autostart", "1", "--lockstep", "--speed", "20", "--truth", str(truth)]
+    with running("simulator_stub", simulator_words) as simulator:
+        port = announced_port(simulator)
+        agent_words = ["-h", f"127.0.0.1:{port}", "-m", LAB, "-p", "1", "-r", "demo"]
+        agent_words += ["--log", str(log), "-o", str(output)]
+        with running("agent", agent_words) as agent:
+            wait_for_line(agent, re.compile("wall ahead"), "agent")
+            print("--- the robot stands before a wall: sending the agent what Ctrl-C sends")
+            agent.send_signal(signal.SIGINT)
+            status = agent.wait(PATIENCE)
+        if status:
+            raise UsageError(f"the agent ended with status {status}")
+    return show(folder, began)
+
+
+def show(folder: Path, began: float) -> int:
+    """Print the table and draw the figure, with the truth that only the simulator knew.
+
+    Parameters
+    ----------
+    folder : Path
+        With the files of the run.
+    began : float
+        When the demonstration began, by the monotonic clock.
+
+    Returns
+    -------
+    int
+        0 when the last belief is right.
+    """
+    from agent.figures import belief_panels
+
+    beliefs = read_beliefs(folder / "localization.out")[-1].beliefs
+    cells = true_cells(folder / "truth.csv", [step.time for step in read_run(folder / "run.jsonl").steps])
+    table = step_table(beliefs, [None, *cells])
+    print(f"\nlab {LAB}, {beliefs.shape[1]} x {beliefs.shape[2]} cells, named by their centres in units\n")
+    print(table)
+    title = f"Where is the robot? Lab {LAB!r}, start cell unknown (red ring: the true cell)"
+    lab = read_lab(find_lab(LAB))
+    belief_panels(beliefs, folder / "belief.png", lab=lab, true_cells=[None, *cells], title=title)
+    print(f"\nin {folder}/: localization.out  run.jsonl  truth.csv  belief.png")
+    print(f"took {time.monotonic() - began:.1f} s")
+    return 0 if table.endswith("right") else 1
+
+
+def true_cells(path: Path, times: Sequence[int]) -> list[Cell]:
+    """Look up in which cell the robot really was.
+
+    Parameters
+    ----------
+    path : Path
+        The simulator's truth file.
+    times : sequence of int
+        Simulated cycles.
+
+    Returns
+    -------
+    list of (row, column)
+    """
+    with path.open(newline="") as stream:
+        poses = {int(row["time"]): (float(row["x"]), float(row["y"])) for row in csv.DictReader(stream)}
+    return [(int(poses[time][1] // CELL_SIZE), int(poses[time][0] // CELL_SIZE)) for time in times]
+
+
+@contextlib.contextmanager
+def running(module: str, words: Sequence[str]) -> Iterator[subprocess.Popen[str]]:
+    """Run a module as a process; end it, first politely, when the block is left.
+
+    Parameters
+    ----------
+    module : str
+    words : sequence of str
+        Its command line.
+
+    Yields
+    ------
+    subprocess.Popen
+        With its standard output as a pipe.
+    """
+    name = {"simulator_stub": "ciberrato-simulator", "agent": "ciberrato-agent"}[module]
+    print(f"$ {name} {' '.join(words)}", flush=True)
+    process = subprocess.Popen(
+        [sys.executable, "-m", module, *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            process.communicate(timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+
+
+def announced_port(simulator: subprocess.Popen[str]) -> int:
+    """Read the port that the simulator chose from what it prints.
+
+    Parameters
+    ----------
+    simulator : subprocess.Popen
+
+    Returns
+    -------
+    int
+    """
+    return int(wait_for_line(simulator, re.compile(r"udp\D.*:(\d+)"), "simulator")[1])
+
+
+def wait_for_line(process: subprocess.Popen[str], pattern: re.Pattern[str], who: str) -> re.Match[str]:
+    """Pass on what a process prints until a line matches.
+
+    Parameters
+    ----------
+    process : subprocess.Popen
+    pattern : compiled regular expression
+    who : str
+        Its name for the reader.
+
+    Returns
+    -------
+    re.Match
+
+    Raises
+    ------
+    UsageError
+        If its output ends before that.
+    """
+    for line in _stdout(process):
+        print(f"  {who}: {line}", end="", flush=True)
+        found = pattern.search(line)
+        if found:
+            return found
+    raise UsageError(f"the {who} ended before it said {pattern.pattern!r}")
+
+
+def _stdout(process: subprocess.Popen[str]) -> IO[str]:
+    assert process.stdout is not None
+    return process.stdout
+
+
+if __name__ == "__main__":
+    sys.exit(main())
