@@ -6,6 +6,7 @@ else. The manual is docs/protocol.md.
 
 from ciberrato.protocol.client_decoding import decode_actions, decode_registration, decode_view_command
 from ciberrato.protocol.encoding import encode, fit_reply
+from ciberrato.protocol.framing import MessageSplitter
 from ciberrato.protocol.lab_text import grid_to_xml, lab_to_xml
 from ciberrato.protocol.limits import (
     ACTIONS_LIMIT,
@@ -63,6 +64,7 @@ __all__ = [
     "HeardMessage",
     "LabRequest",
     "Measures",
+    "MessageSplitter",
     "PanelRegistration",
     "Refusal",
     "Registration",

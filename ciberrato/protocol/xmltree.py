@@ -49,7 +49,7 @@ class Element:
 
 
 def message_bytes(data: bytes, limit: int | None = None) -> bytes:
-    """Return the part of a datagram that counts: at most `limit` bytes, of these what is before the first NUL."""
+    """Return the part of a datagram that counts: what its first `limit` bytes have before the first NUL."""
     if limit is not None and len(data) > limit:
         data = data[:limit]
     end = data.find(0)

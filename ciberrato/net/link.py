@@ -1,0 +1,93 @@
+"""What every link to a simulator can do, whatever carries the messages."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ciberrato.errors import CiberratoError
+
+
+class LinkError(CiberratoError):
+    """The network does not carry the message; trying again may help."""
+
+
+class LinkClosedError(LinkError):
+    """The peer has closed the connection, or left it; registering again opens a new one."""
+
+
+class Link(Protocol):
+    """A client's way to one simulator.
+
+    Nothing blocks but `receive` (and, over TCP, `register` while it connects). A link belongs to one thread.
+    """
+
+    def register(self, data: bytes) -> None:
+        """Send a registration to the main port.
+
+        A simulator that is not there (yet) is no error: nothing will be received. Calling it again is
+        trying again; where somebody has answered already it begins anew, and the old peer is not heard again.
+
+        Parameters
+        ----------
+        data : bytes
+            One message.
+
+        Raises
+        ------
+        LinkError
+            If this machine cannot send at all.
+        """
+
+    def send(self, data: bytes) -> None:
+        """Send a message to the simulator that has answered.
+
+        Parameters
+        ----------
+        data : bytes
+            One message.
+
+        Raises
+        ------
+        LinkError
+            If nobody has answered yet, or this machine cannot send at all.
+        LinkClosedError
+            If the connection is gone (TCP only; UDP cannot tell).
+        """
+
+    def receive(self, timeout: float | None) -> bytes | None:
+        """Wait for one message.
+
+        Parameters
+        ----------
+        timeout : float or None
+            Seconds; None waits for ever, 0 not at all.
+
+        Returns
+        -------
+        bytes or None
+            The message with its terminator; None if none came in time.
+
+        Raises
+        ------
+        LinkClosedError
+            If the connection is gone and every complete message was delivered (TCP only).
+        """
+
+    def receive_waiting(self) -> list[bytes]:
+        """Return the messages that have already arrived, oldest first; never blocks.
+
+        Raises
+        ------
+        LinkClosedError
+            If the connection is gone and every complete message was delivered (TCP only).
+        """
+
+    def fileno(self) -> int:
+        """Return the descriptor that becomes readable when something arrives.
+
+        It may change with `register`. Messages that are already taken off the network do not make it
+        readable: call `receive_waiting` before waiting on it.
+        """
+
+    def close(self) -> None:
+        """Close; again is harmless."""

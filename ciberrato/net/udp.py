@@ -1,0 +1,138 @@
+"""The link over UDP, as all CiberRato programs have it: one message a datagram."""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+import time
+
+from ciberrato.net.address import resolve
+from ciberrato.net.link import LinkError
+
+_MOST_AT_ONCE = 1000
+"""Datagrams that one call takes, so that a flood cannot keep it from returning."""
+
+_RECEIVE_BUFFER = 1 << 20
+"""Bytes that may wait: some seconds of Measures and status messages at the shortest cycle times."""
+
+
+class UdpLink:
+    """A client's link over UDP.
+
+    The simulator answers a registration from a port of its own. From the first answer on the link talks to
+    that port only: datagrams from other ports and other machines are dropped. A refused connection (ICMP:
+    nobody there yet, or no longer) is taken as silence.
+
+    Parameters
+    ----------
+    host : str
+        Name or IPv4 address; looked up once.
+    port : int
+        The simulator's main port.
+
+    Raises
+    ------
+    UsageError
+        If there is no such host.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self._main = resolve(host, port)
+        self._peer: tuple[str, int] | None = None
+        self._former: set[tuple[str, int]] = set()
+        # Not connected: a simulator that was started anew answers from another port, on the same link.
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+
+    @property
+    def peer(self) -> tuple[str, int] | None:
+        """Address and port of the simulator that has answered, or None."""
+        return self._peer
+
+    def register(self, data: bytes) -> None:
+        """Send a registration to the main port; see `Link.register`."""
+        if self._peer is not None:
+            self._former.add(self._peer)
+            self._peer = None
+        self._send(data, self._main)
+
+    def send(self, data: bytes) -> None:
+        """Send a message to the port that has answered; see `Link.send`."""
+        if self._peer is None:
+            raise LinkError("nobody has answered the registration yet")
+        self._send(data, self._peer)
+
+    def receive(self, timeout: float | None) -> bytes | None:
+        """Wait for one message; see `Link.receive`."""
+        deadline = None if timeout is None else time.monotonic() + timeout
+        remaining = timeout
+        while True:
+            readable, _, _ = select.select((self._socket,), (), (), remaining)
+            if readable:
+                data = self._take()
+                if data is not None:
+                    return data
+            if deadline is not None:
+                # A stream of strangers' datagrams must not prolong the wait.
+                remaining = deadline - time.monotonic()
+                if remaining <= 0:
+                    return None
+
+    def receive_waiting(self) -> list[bytes]:
+        """Return the messages that have already arrived; see `Link.receive_waiting`."""
+        messages = []
+        for _ in range(_MOST_AT_ONCE):
+            try:
+                data, sender = self._socket.recvfrom(65535)
+            except (BlockingIOError, ConnectionError):
+                break
+            if self._is_ours(sender):
+                messages.append(data)
+        return messages
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor; see `Link.fileno`."""
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        """Close the socket; see `Link.close`."""
+        self._socket.close()
+
+    def __enter__(self) -> UdpLink:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _take(self) -> bytes | None:
+        """Take one datagram; None if there is none or it is a stranger's."""
+        try:
+            data, sender = self._socket.recvfrom(65535)
+        except (BlockingIOError, ConnectionError):
+            return None
+        return data if self._is_ours(sender) else None
+
+    def _is_ours(self, sender: tuple[str, int]) -> bool:
+        if self._peer is not None:
+            return sender == self._peer
+        if sender in self._former or not _same_machine(sender[0], self._main[0]):
+            return False
+        self._peer = sender
+        return True
+
+    def _send(self, data: bytes, address: tuple[str, int]) -> None:
+        try:
+            self._socket.sendto(data, address)
+        except (BlockingIOError, ConnectionError):
+            return  # as lost on the way
+        except OSError as error:
+            if error.errno == errno.EHOSTUNREACH:
+                return
+            raise LinkError(f"cannot send to {address[0]}:{address[1]}: {error.strerror}") from None
+
+
+def _same_machine(first: str, second: str) -> bool:
+    """Tell whether two addresses are one machine's: 127.0.0.1 answers for 127.0.1.1 too."""
+    return first == second or (first.startswith("127.") and second.startswith("127."))
