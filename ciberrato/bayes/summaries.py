@@ -65,9 +65,9 @@ class Mode(NamedTuple):
 def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: float = 0.01) -> list[Mode]:
     """Split a belief into hills and give those with enough mass.
 
-    Each cell points to its greatest neighbour (orthogonal and diagonal), if that is greater than itself; the
-    cells that lead to one peak are one hypothesis. Neighbouring equal cells point to the first of them in
-    row-major order, so that a flat top is one hill and not many.
+    Each cell leads to its greatest neighbour (orthogonal and diagonal) that is greater than itself; the cells
+    that lead to one peak are one hypothesis. Neighbours of equal probability go together, so that a flat top
+    is one hill and a shelf on a slope none.
 
     Parameters
     ----------
@@ -81,40 +81,51 @@ def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: flo
     Returns
     -------
     list of Mode
-        By falling mass.
+        By falling mass; of equal masses the first in row-major order.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     belief = np.asarray(belief, dtype=float)
-    best, target = belief.copy(), np.arange(belief.size).reshape(belief.shape)
+    index = np.arange(belief.size).reshape(belief.shape)
+    best, target = belief.copy(), index.copy()
+    equal_from, equal_to = [], []
     for offset in np.ndindex(*(3,) * belief.ndim):
-        step = tuple(o - 1 for o in offset)
-        if any(step):
-            value, index = belief, np.arange(belief.size).reshape(belief.shape)
-            for i, s in enumerate(step):
-                value, index = np.roll(value, -s, axis=i), np.roll(index, -s, axis=i)
-            greater = (value > best) | ((value == best) & (index < target))
-            greater &= (value > 0.0) & _neighbour_exists(belief.shape, step, space)
-            best, target = np.where(greater, value, best), np.where(greater, index, target)
-    root = target.ravel()
-    while True:  # pointer doubling: the length of the chains halves each time
-        further = root[root]
-        if np.array_equal(further, root):
-            break
-        root = further
-    mass = np.bincount(root, weights=belief.ravel(), minlength=belief.size)
-    cells = np.bincount(root[belief.ravel() > 0.0], minlength=belief.size)
+        step = tuple(1 - o for o in offset)
+        if not any(step):
+            continue
+        value, neighbour = (np.roll(array, step, axis=tuple(range(belief.ndim))) for array in (belief, index))
+        exists = _neighbour_exists(belief.shape, step, space)
+        same = exists & (value == belief) & (belief > 0.0)
+        equal_from.append(index[same])
+        equal_to.append(neighbour[same])
+        greater = exists & (value > best)
+        best, target = np.where(greater, value, best), np.where(greater, neighbour, target)
+    pairs = (np.concatenate(equal_from), np.concatenate(equal_to))
+    flats, flat = connected_components(coo_array((np.ones(len(pairs[0])), pairs), shape=(belief.size,) * 2))
+    # Each flat goes where the steepest of its cells goes; lexsort puts that cell first.
+    order = np.lexsort((index.ravel(), -best.ravel(), flat))
+    steepest = order[np.searchsorted(flat[order], np.arange(flats))]
+    root = flat[target.ravel()[steepest]]
+    while not np.array_equal(root[root], root):  # the chains' lengths halve each time
+        root = root[root]
+    hill_of = root[flat]
+    mass = np.bincount(hill_of, weights=belief.ravel(), minlength=flats)
+    cells = np.bincount(hill_of[belief.ravel() > 0.0], minlength=flats)
     found = np.flatnonzero(mass >= max(least_mass, np.finfo(float).tiny))
-    hills = [
-        Mode(tuple(int(i) for i in np.unravel_index(int(k), belief.shape)), float(mass[k]), int(cells[k]))
-        for k in found
-    ]
-    return sorted(hills, key=lambda hill: -hill.mass)
+    hills = []
+    for hill in found:
+        # Of a peak that is flat, the first cell.
+        peak = np.unravel_index(int(steepest[hill]), belief.shape)
+        hills.append(Mode(tuple(int(i) for i in peak), float(mass[hill]), int(cells[hill])))
+    return sorted(hills, key=lambda hill: (-hill.mass, hill.peak))
 
 
 def _neighbour_exists(shape: tuple[int, ...], step: tuple[int, ...], space: StateSpace | None) -> BoolArray:
     exists = np.ones(shape, dtype=bool)
     for i, (size, s) in enumerate(zip(shape, step, strict=True)):
         if s and not (space is not None and space.axes[i].periodic):
-            place = np.arange(size) + s
+            place = np.arange(size) - s
             ends = (place >= 0) & (place < size)
             exists &= ends.reshape((-1,) + (1,) * (len(shape) - 1 - i))
     return exists

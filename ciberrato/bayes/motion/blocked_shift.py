@@ -1,6 +1,6 @@
 r"""Moving from cell to cell of a grid, where walls may be in the way.
 
-.. math:: p(x' | n, x) = \sum_k p(k | n)\, [\,x' = \text{the cell that } k \text{ steps from } x \text{ reach}]
+.. math:: p(x' | n, x) = \sum_k p(k | n)\, [\,x' = \text{the cell } k \text{ steps from } x]
 
 A step is possible where the two cells have an opening between them. Where they have none the mass stays (the
 robot stands at the wall) or is lost (the step is known to have been made, so it was not made from there).

@@ -1,0 +1,241 @@
+"""Convolving a belief along its axes, and what happens at the edges of the space.
+
+Units are cells. A kernel is weights and the offset of the first of them: mass at i goes to i + first + k with
+weight k.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ciberrato.bayes.arraytypes import FloatArray
+
+Edge = Literal["wrap", "stay", "lose"]
+"""`wrap`: the axis is a circle. `stay`: mass that would leave stops in the border cell. `lose`: mass that
+leaves is gone, and the sum of the belief says how much."""
+
+EDGES: tuple[str, ...] = get_args(Edge)
+
+
+class Kernel(NamedTuple):
+    """A distribution over whole cells along one axis.
+
+    Attributes
+    ----------
+    first : int
+        Displacement of `weights[0]`, in cells.
+    weights : FloatArray, shape (n,)
+        Sum to 1.
+    dropped : float
+        Mass of the ideal distribution beyond the ends of the weights, before these were normalized.
+    excess_variance : float
+        Variance of the kernel above the variance asked for, in square cells.
+    """
+
+    first: int
+    weights: FloatArray
+    dropped: float
+    excess_variance: float
+
+
+def gaussian_kernel(mean: float, variance: float, *, tail: float = 1e-9) -> Kernel:
+    """Make a kernel whose mean and variance are those of a Gaussian, so that repeated steps add up right.
+
+    A variance of 1 or more is sampled at the cell centres: mean and variance are then right to 1e-7.
+    Integrating the density over cells instead would add 1/12 to the variance at every step. Below 1 the
+    kernel is a product of three-point kernels with exact mean and variance. A mean between cells with less
+    variance than r (1 - r), r being its fraction, no distribution over whole cells can have: the two nearest
+    cells share the mass, and `excess_variance` says what that adds (`whole_steps` avoids it).
+
+    Parameters
+    ----------
+    mean, variance : float
+        In cells and square cells; the variance 0 or more.
+    tail : float
+        Mass that may be cut off, both sides together, of the sampled kind.
+
+    Returns
+    -------
+    Kernel
+
+    Raises
+    ------
+    ValueError
+        If mean or variance is not finite, the variance negative, or the tail not in (0, 1).
+    """
+    if not (math.isfinite(mean) and math.isfinite(variance) and variance >= 0.0):
+        raise ValueError(f"a kernel needs a finite mean and a variance of 0 or more, not {mean}, {variance}")
+    if not 0.0 < tail < 1.0:
+        raise ValueError(f"the tail is in (0, 1), not {tail}")
+    nearest = round(mean)
+    rest = mean - nearest
+    if variance >= 1.0:
+        sigma = math.sqrt(variance)
+        reach = math.ceil(sigma * _sigmas_for(tail) + abs(rest))
+        cells = np.arange(-reach, reach + 1)
+        weights = np.exp(-0.5 * np.square((cells - rest) / sigma))
+        dropped = 0.5 * (
+            math.erfc((reach + 0.5 + rest) / (sigma * math.sqrt(2.0)))
+            + math.erfc((reach + 0.5 - rest) / (sigma * math.sqrt(2.0)))
+        )
+        return Kernel(nearest - reach, weights / weights.sum(), dropped, 0.0)
+    least = abs(rest) * (1.0 - abs(rest))
+    if variance < least:
+        low = math.floor(mean)
+        fraction = mean - low
+        return Kernel(low, np.array([1.0 - fraction, fraction]), 0.0, least - variance)
+    # Up to 0.75 one three-point kernel holds any mean; what is above goes to a second, symmetric one.
+    part = min(variance, 0.5) if variance > 0.75 else variance
+    second = part + rest * rest
+    weights = np.array([0.5 * (second - rest), 1.0 - second, 0.5 * (second + rest)])
+    if part < variance:
+        half = 0.5 * (variance - part)
+        weights = np.convolve(weights, [half, 1.0 - 2.0 * half, half])
+    return Kernel(nearest - len(weights) // 2, weights, 0.0, 0.0)
+
+
+def _sigmas_for(tail: float) -> float:
+    low, high = 0.0, 40.0
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if math.erfc(middle / math.sqrt(2.0)) > tail else (low, middle)
+    return high
+
+
+def whole_steps(displacement: float, carry: float) -> tuple[int, float]:
+    """Take the whole cells out of a displacement and carry the rest over to the next one.
+
+    Parameters
+    ----------
+    displacement, carry : float
+        In cells; the carry is what the last call returned, 0 at first.
+
+    Returns
+    -------
+    steps : int
+        Nearest whole number of cells.
+    carry : float
+        What is left, in [-0.5, 0.5]: where the belief's cells have moved to relative to the grid.
+    """
+    total = displacement + carry
+    steps = round(total)
+    return steps, total - steps
+
+
+def fold(full: FloatArray, first: int, size: int, edge: Edge, axis: int) -> FloatArray:
+    """Bring an axis that reaches beyond the grid back to `size` cells.
+
+    Parameters
+    ----------
+    full : FloatArray
+        Along `axis`, entry j lies at cell j + first.
+    first, size : int
+        Where it begins, and the cells that there are.
+    edge : {"wrap", "stay", "lose"}
+        What to do with entries off the grid.
+    axis : int
+        Which one, counted from 0.
+
+    Returns
+    -------
+    FloatArray
+        With `size` entries along `axis`; may share memory with `full`.
+    """
+    if edge not in EDGES:
+        raise ValueError(f"no edge {edge!r}; there are {', '.join(EDGES)}")
+    length = full.shape[axis]
+    lead = (slice(None),) * axis
+    if edge == "wrap":
+        result = np.zeros((*full.shape[:axis], size, *full.shape[axis + 1 :]))
+        start = 0
+        while start < length:
+            cell = (first + start) % size
+            count = min(length - start, size - cell)
+            result[(*lead, slice(cell, cell + count))] += full[(*lead, slice(start, start + count))]
+            start += count
+        return result
+    low = min(max(-first, 0), length)
+    high = max(min(size - first, length), low)
+    inside = full[(*lead, slice(low, high))]
+    if edge == "lose" and first <= 0 and high - low == size:
+        return inside
+    result = np.zeros((*full.shape[:axis], size, *full.shape[axis + 1 :]))
+    place = first + low
+    result[(*lead, slice(place, place + high - low))] = inside
+    if edge == "stay":
+        result[(*lead, 0)] += full[(*lead, slice(0, low))].sum(axis=axis)
+        result[(*lead, size - 1)] += full[(*lead, slice(high, length))].sum(axis=axis)
+    return result
+
+
+def convolve(
+    belief: ArrayLike, weights: ArrayLike, first: int, *, edge: Edge = "lose", axis: int = -1
+) -> FloatArray:
+    """Convolve along one axis.
+
+    Parameters
+    ----------
+    belief : array_like
+        Any shape.
+    weights : array_like, shape (n,)
+        Mass at i goes to i + first + k with weights[k].
+    first : int
+        In cells.
+    edge : {"wrap", "stay", "lose"}
+        What becomes of mass that leaves the axis.
+    axis : int
+        Which one.
+
+    Returns
+    -------
+    FloatArray
+        The belief's shape.
+    """
+    belief, weights = np.asarray(belief, dtype=float), np.asarray(weights, dtype=float)
+    axis %= belief.ndim
+    size = belief.shape[axis]
+    if belief.ndim == 1:
+        return fold(np.convolve(belief, weights), first, size, edge, 0)
+    full = np.zeros((*belief.shape[:axis], size + len(weights) - 1, *belief.shape[axis + 1 :]))
+    lead = (slice(None),) * axis
+    for k, weight in enumerate(weights):
+        if weight != 0.0:
+            full[(*lead, slice(k, k + size))] += weight * belief
+    return fold(full, first, size, edge, axis)
+
+
+def convolve_all(
+    belief: ArrayLike, kernel: ArrayLike, first: Sequence[int], *, edges: Sequence[Edge]
+) -> FloatArray:
+    """Convolve along all axes at once with a kernel that need not be a product.
+
+    Parameters
+    ----------
+    belief, kernel : array_like
+        The same number of axes.
+    first : sequence of int
+        Displacement of the kernel's entry [0, ..., 0] along each axis.
+    edges : sequence of {"wrap", "stay", "lose"}
+        One for each axis. Where mass leaves over a corner, each axis is treated by itself.
+
+    Returns
+    -------
+    FloatArray
+        The belief's shape.
+    """
+    belief, kernel = np.asarray(belief, dtype=float), np.asarray(kernel, dtype=float)
+    if not belief.ndim == kernel.ndim == len(first) == len(edges):
+        raise ValueError(f"kernel {kernel.shape}, offsets and edges must have {belief.ndim} axes")
+    full = np.zeros([b + k - 1 for b, k in zip(belief.shape, kernel.shape, strict=True)])
+    for flat in np.flatnonzero(kernel):
+        index = tuple(int(i) for i in np.unravel_index(int(flat), kernel.shape))
+        window = tuple(slice(i, i + size) for i, size in zip(index, belief.shape, strict=True))
+        full[window] += kernel[index] * belief
+    for axis, edge in enumerate(edges):
+        full = fold(full, first[axis], belief.shape[axis], edge, axis)
+    return full

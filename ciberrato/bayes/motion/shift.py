@@ -1,0 +1,49 @@
+r"""Moving a known number of whole cells.
+
+.. math:: p(x' | s, x) = [\,x' = x + s\,]
+
+with edges that wrap (a circle), stop the mass (bounded) or absorb it. Probabilistic Robotics, section 2.4.2
+with a deterministic motion model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.convolution import EDGES, Edge, fold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shift:
+    """A shift along all axes.
+
+    Attributes
+    ----------
+    edges : tuple of {"wrap", "stay", "lose"}
+        One for each axis of the belief.
+    """
+
+    edges: tuple[Edge, ...]
+
+    def __post_init__(self) -> None:
+        for edge in self.edges:
+            if edge not in EDGES:
+                raise ValueError(f"no edge {edge!r}; there are {', '.join(EDGES)}")
+
+    def predict(self, belief: ArrayLike, control: Sequence[int] | int) -> FloatArray:
+        """Shift a belief by `control` cells, one number for each axis, or the only one."""
+        steps = (control,) if isinstance(control, int) else tuple(control)
+        result = np.asarray(belief, dtype=float)
+        if not result.ndim == len(steps) == len(self.edges):
+            raise ValueError(f"a belief of {result.ndim} axes needs as many steps and edges")
+        for axis, (step, edge) in enumerate(zip(steps, self.edges, strict=True)):
+            if edge == "wrap":
+                result = np.roll(result, step, axis=axis)
+            else:
+                result = fold(result, step, result.shape[axis], edge, axis)
+        return np.array(result)
