@@ -1,0 +1,126 @@
+"""From the options of the command line to a server that is ready to run."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import secrets
+from collections.abc import Callable
+from dataclasses import replace
+
+from ciberrato.errors import UsageError
+from ciberrato.gridfile import default_grid, read_grid
+from ciberrato.lab import Lab
+from ciberrato.labfile import default_lab, read_lab_with_warnings
+from ciberrato.parameterfile import read_parameters
+from ciberrato.parameters import Parameters
+from ciberrato.startgrid import GridPosition, StartGrid
+from maps import find_grid, find_lab, find_parameters
+from simulator_stub.pace import Lockstep, Pace, RealTime
+from simulator_stub.scoring import SCORINGS
+from simulator_stub.server import Server, open_transports
+from simulator_stub.session import Recorder, Session
+from simulator_stub.simulation import Simulation
+from simulator_stub.transports import TRANSPORTS, Transport
+from simulator_stub.truth import TruthFile
+
+_REAL = r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*"
+_INLINE_GRID = re.compile(rf"{_REAL},{_REAL},{_REAL}(?:;{_REAL},{_REAL},{_REAL})*;?")
+
+Print = Callable[[str], None]
+
+
+def build_server(options: argparse.Namespace, *, print_line: Print, notify: Print) -> Server:
+    """Read the files, open the ports, say so, and put everything together.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        As `simulator_stub.cli` parses them.
+    print_line : callable
+        Gets the seed and the ports, one line each.
+    notify : callable
+        Gets messages for people.
+
+    Returns
+    -------
+    Server
+
+    Raises
+    ------
+    CiberratoError
+        If a file, an option or a port cannot be used.
+    """
+    if options.scoring not in SCORINGS:
+        known = ", ".join(str(mode) for mode in sorted(SCORINGS))
+        raise UsageError(f"argument --scoring: {options.scoring} is not a scoring mode; these are: {known}")
+    lab, grid, parameters = read_world(options, notify)
+    seed = secrets.randbits(32) if options.seed is None else options.seed
+    simulation = Simulation(lab, grid, parameters, seed, options.scoring)
+    # Ports first: the files of a simulator that already runs there must not be overwritten.
+    transports = open_transports(
+        [name for name in TRANSPORTS if name != "tcp" or options.tcp], options.bind, options.port
+    )
+    try:
+        session = Session(
+            simulation, autostart=options.autostart, recorders=_recorders(options), notify=notify
+        )
+    except UsageError:
+        for transport in transports:
+            transport.close()
+        raise
+    print_line(f"seed {seed}")
+    _announce(transports, options.bind, print_line)
+    return Server(session, transports, _pace(options, session, parameters, notify))
+
+
+def read_world(options: argparse.Namespace, notify: Print) -> tuple[Lab, StartGrid, Parameters]:
+    """Read lab, grid and parameters; the command line wins over what the parameter file names."""
+    parameters = Parameters() if options.param is None else read_parameters(find_parameters(options.param))
+    inline = options.grid is not None and _INLINE_GRID.fullmatch(options.grid)
+    parameters = replace(
+        parameters,
+        lab_file=options.lab or parameters.lab_file,
+        # Poses given in place are not announced: the robots are not to know them.
+        grid_file=None if inline else options.grid or parameters.grid_file,
+    )
+    if parameters.lab_file is None:
+        lab = default_lab()
+    else:
+        lab, warnings = read_lab_with_warnings(find_lab(parameters.lab_file))
+        for warning in warnings:
+            notify(warning)
+    if inline:
+        grid = _parse_inline(options.grid)
+    elif parameters.grid_file is None:
+        grid = default_grid()
+    else:
+        grid = read_grid(find_grid(parameters.grid_file))
+    return lab, grid, parameters
+
+
+def _parse_inline(text: str) -> StartGrid:
+    poses = [[float(number) for number in pose.split(",")] for pose in text.rstrip("; ").split(";")]
+    return StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=degrees) for x, y, degrees in poses))
+
+
+def _recorders(options: argparse.Namespace) -> list[Recorder]:
+    recorders: list[Recorder] = []
+    if options.truth is not None:
+        try:
+            recorders.append(TruthFile(options.truth))
+        except OSError as error:
+            raise UsageError(f"argument --truth: {options.truth}: {error.strerror}") from None
+    return recorders
+
+
+def _announce(transports: list[Transport], host: str, print_line: Print) -> None:
+    for transport in transports:
+        print_line(f"listening on {transport.name} {host}:{transport.port}")
+
+
+def _pace(options: argparse.Namespace, session: Session, parameters: Parameters, notify: Print) -> Pace:
+    period = parameters.cycle_time / 1000.0 / options.speed
+    if options.lockstep:
+        return Lockstep(session, period, limit=options.answer_limit, notify=notify)
+    return RealTime(session, period)

@@ -1,0 +1,63 @@
+"""One running cycle of motion: motors, wanted poses, collisions, new poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ciberrato.collisions import find_collisions, settle
+from ciberrato.kinematics import advance, filter_power
+from simulator_stub.robot_state import MOVING
+
+if TYPE_CHECKING:
+    from simulator_stub.robot import Robot
+    from simulator_stub.world import World
+
+
+def move(world: World, robots: Sequence[Robot]) -> None:
+    """Move robots by one cycle and set their collision flags and counters.
+
+    The motors of a robot that does not move (stopped or finished) run all the same, and it can be bumped
+    into; only its pose stays. A robot that collides keeps its place and takes its new heading.
+
+    Parameters
+    ----------
+    world : World
+    robots : sequence of Robot
+        All robots that are not removed, in order of their ids.
+    """
+    deviation = world.parameters.motors_noise / 100.0
+    for robot in robots:
+        _run_motors(robot, deviation)
+    wall, robot_in_way = find_collisions(
+        world.walls,
+        [(robot.x, robot.y, robot.heading) for robot in robots],
+        [robot.wanted for robot in robots],
+        [(robot.left_output + robot.right_output) / 2.0 for robot in robots],
+    )
+    for robot, touches_wall, touches_robot in zip(robots, wall, robot_in_way, strict=True):
+        _count_collision(robot, touches_wall=touches_wall, touches_robot=touches_robot)
+        if robot.state in MOVING:
+            pose = (robot.x, robot.y, robot.heading)
+            robot.x, robot.y, robot.heading = settle(pose, robot.wanted, robot.collides)
+
+
+def _run_motors(robot: Robot, deviation: float) -> None:
+    """Filter the commands, with noise: the right motor draws first."""
+    if deviation > 0.0:
+        right_factor = 1.0 + deviation * robot.motor_noise.normal()
+        left_factor = 1.0 + deviation * robot.motor_noise.normal()
+    else:
+        right_factor = left_factor = 1.0
+    robot.right_output = filter_power(robot.right_command, robot.right_output, right_factor)
+    robot.left_output = filter_power(robot.left_command, robot.left_output, left_factor)
+    robot.wanted = advance(robot.x, robot.y, robot.heading, robot.left_output, robot.right_output)
+
+
+def _count_collision(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
+    """Set the flags; the counter counts beginnings only."""
+    robot.collided_before = robot.collides
+    robot.touches_wall = touches_wall
+    robot.touches_robot = touches_robot
+    if robot.collides and not robot.collided_before:
+        robot.collisions += 1

@@ -1,0 +1,174 @@
+"""When the next cycle takes place.
+
+`RealTime`: every CycleTime milliseconds, divided by the speed, whatever the robots do.
+
+`Lockstep`: while the simulator runs, as soon as every robot that is waited for has answered its last
+Measures.
+
+- Waited for are the robots that run or return and are not silent. A robot is silent once it has let the time
+  limit pass; it is waited for again as soon as it sends anything, and when the simulator starts. So a dead
+  agent costs one time limit, not one a cycle.
+- An answer is any message. One that does not look like a whole answer (a LED, a Say, a request: see
+  `simulator_stub.seats.stands_alone`) may be followed by another: that one is waited for, but only for
+  `SETTLE` seconds.
+- While the simulator does not run (before Start, in a pause, after the end) cycles are also at least
+  CycleTime / speed apart, so that nobody spins; robots are still waited for, with half the time limit, so
+  that the first running cycle finds their answers to all that came before. There is one exception: when the
+  automatic start is due the cycle that starts comes as soon as all have answered.
+- With nobody to wait for, cycles keep the pace of real time.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+from simulator_stub.robot_state import RobotState
+from simulator_stub.seats import RobotSeat
+from simulator_stub.session import Session
+from simulator_stub.simulator_state import SimulatorState
+
+SETTLE = 0.002
+"""Seconds that a message which does not look complete is given for its companion."""
+
+Poll = Callable[[float], bool]
+"""Wait that many seconds for messages and deliver them; False when the server is to stop."""
+
+
+class Pace(ABC):
+    """Decides how long to wait, delivering messages meanwhile.
+
+    Parameters
+    ----------
+    session : Session
+    period : float
+        Seconds from a cycle to the next in real time.
+    clock : callable
+        Seconds, monotonic.
+
+    Attributes
+    ----------
+    late : int
+        Running cycles that began more than a period late.
+    """
+
+    def __init__(
+        self, session: Session, period: float, *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.session = session
+        self.period = period
+        self.late = 0
+        self._clock = clock
+        self._due = clock()
+
+    @abstractmethod
+    def wait(self, poll: Poll) -> bool:
+        """Wait for the next cycle; False when the server is to stop."""
+
+    def _wait_until_due(self, poll: Poll) -> bool:
+        """Wait for the next tick, reckoned from the last one, so that delays do not add up."""
+        self._due += self.period
+        left = self._due - self._clock()
+        if left < -self.period:
+            # Catching up would give the robots several cycles at once: rather lose the time.
+            self._due -= left
+            if self.period > 0.0 and self.session.simulation.state is SimulatorState.RUNNING:
+                self.late += 1
+            left = 0.0
+        # At least once, so that messages are read even when every cycle is late.
+        going_on = poll(max(left, 0.0))
+        while going_on and (left := self._due - self._clock()) > 0.0:
+            going_on = poll(left)
+        return going_on
+
+
+class RealTime(Pace):
+    """A cycle every period."""
+
+    def wait(self, poll: Poll) -> bool:
+        """Wait for the next tick."""
+        return self._wait_until_due(poll)
+
+
+class Lockstep(Pace):
+    """A cycle as soon as every robot has answered.
+
+    Parameters
+    ----------
+    session, period, clock
+        As in `Pace`.
+    limit : float
+        Seconds that a robot is waited for; infinite for ever.
+    notify : callable
+        Told when a robot is no longer waited for.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        period: float,
+        *,
+        limit: float,
+        notify: Callable[[str], None] = lambda line: None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(session, period, clock=clock)
+        self.limit = limit
+        self._notify = notify
+
+    def wait(self, poll: Poll) -> bool:
+        """Wait for the robots' answers, or for the next tick if there is nobody to wait for."""
+        awaited = self._awaited()
+        running = self.session.simulation.state is SimulatorState.RUNNING
+        if not awaited:
+            return self._wait_until_due(poll)
+        if not running and not self.session.start_is_due:
+            if not self._wait_until_due(poll):
+                return False
+        else:
+            self._due = self._clock()
+        return self._wait_for_answers(poll, awaited, self.limit if running else self.limit / 2.0)
+
+    def _wait_for_answers(self, poll: Poll, awaited: list[RobotSeat], limit: float) -> bool:
+        deadline = self._clock() + limit
+        # Look at least once, so that registrations, views and signals are noticed in any case.
+        wait = 0.0 if all(seat.answered for seat in awaited) else min(limit, 1.0)
+        while True:
+            if not poll(wait):
+                return False
+            if all(seat.answered for seat in awaited):
+                return self._wait_for_companions(poll, awaited)
+            left = deadline - self._clock()
+            if left <= 0.0:
+                self._give_up(awaited)
+                return True
+            wait = min(left, 1.0)
+
+    def _wait_for_companions(self, poll: Poll, awaited: list[RobotSeat]) -> bool:
+        arrived = -1
+        while not all(seat.complete for seat in awaited):
+            before, arrived = arrived, sum(len(seat.messages) for seat in awaited)
+            if arrived == before:
+                break
+            if not poll(SETTLE):
+                return False
+        return True
+
+    def _give_up(self, awaited: list[RobotSeat]) -> None:
+        self._due = self._clock()
+        for seat in awaited:
+            if not seat.answered:
+                seat.silent = True
+                if self.session.simulation.state is SimulatorState.RUNNING:
+                    self._notify(f"robot {seat.robot_id} is silent and not waited for until it answers")
+
+    def _awaited(self) -> list[RobotSeat]:
+        states = {robot.robot_id: robot.state for robot in self.session.simulation.robots}
+        return [
+            seat
+            for robot_id, seat in self.session.robots.items()
+            if not seat.silent
+            and not seat.peer.closed
+            and states[robot_id] not in (RobotState.FINISHED, RobotState.REMOVED)
+        ]

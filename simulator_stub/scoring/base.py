@@ -1,0 +1,50 @@
+"""What a way of scoring is: it counts each robot's points, and says what the returning LED means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+if TYPE_CHECKING:
+    from simulator_stub.robot import Robot
+    from simulator_stub.world import World
+
+
+class Scoring:
+    """One scoring mode; one object serves all robots of a simulation.
+
+    What it remembers of a robot it keeps under the robot's id, or in the robot's score fields.
+
+    Parameters
+    ----------
+    world : World
+    """
+
+    mode: ClassVar[int]
+    """Number on the command line."""
+
+    judges_returning: ClassVar[bool] = False
+    """Whether the returning LED changes a robot's state."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    def begin(self, robot: Robot) -> None:
+        """Prepare for a robot that is about to run for the first time, at time 0."""
+
+    def update(self, robot: Robot, time: int, robots: Sequence[Robot]) -> None:
+        """Count one running cycle of a robot that is running or returning; after the sensors.
+
+        Parameters
+        ----------
+        robot : Robot
+            Its score fields are written.
+        time : int
+            Cycles, this one included.
+        robots : sequence of Robot
+            All robots.
+        """
+
+    def may_return(self, robot: Robot) -> bool:
+        """Whether the returning LED, lit now, begins a return; otherwise it ends the robot's run."""
+        return False

@@ -1,0 +1,92 @@
+"""What every sensor is: measured in each cycle, delivered late if so configured, sent if asked for."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+from simulator_stub.noise import NoiseRoot, Stream, streams
+
+if TYPE_CHECKING:
+    from simulator_stub.robot import Robot
+    from simulator_stub.world import World
+
+Reading = TypeVar("Reading")
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What sensors see of a cycle, beside their own robot.
+
+    Attributes
+    ----------
+    robots : sequence of Robot
+        All robots that are not removed, after the move.
+    time : int
+        Simulated cycles so far.
+    running : bool
+        Whether this cycle is a running one: it selects the stream of random numbers.
+    """
+
+    robots: Sequence[Robot]
+    time: int
+    running: bool
+
+
+class Sensor(ABC):
+    """One kind of sensor on one robot.
+
+    Subclasses set `name` and write `update` and `report`. `update` is called once in each cycle, in every
+    state of the simulator, and draws its noise there; `report` fills in fields of `Measures`.
+
+    Parameters
+    ----------
+    world : World
+    robot : Robot
+    noise : NoiseRoot
+    """
+
+    name: ClassVar[str]
+    """Names the stream of random numbers; must not change, or recorded runs change."""
+
+    def __init__(self, world: World, robot: Robot, noise: NoiseRoot) -> None:
+        self.world = world
+        self.noise: tuple[Stream, Stream] = streams(noise, robot.robot_id, self.name)
+
+    @property
+    def request_names(self) -> tuple[str, ...]:
+        """What it is called in SensorRequests; empty if it cannot be asked for."""
+        return ()
+
+    @abstractmethod
+    def update(self, robot: Robot, scene: Scene) -> None:
+        """Measure."""
+
+    @abstractmethod
+    def report(self, robot: Robot, fields: dict[str, Any]) -> None:
+        """Add to the fields of this cycle's `Measures` what is to be sent."""
+
+
+class Delay(Generic[Reading]):
+    """A first-in, first-out queue of readings: what comes out is `latency` cycles old.
+
+    Parameters
+    ----------
+    latency : int
+        Cycles, at least 0.
+    empty : Reading
+        What comes out until the first reading is old enough.
+    """
+
+    __slots__ = ("_queue",)
+
+    def __init__(self, latency: int, empty: Reading) -> None:
+        self._queue: deque[Reading] = deque([empty] * latency)
+
+    def pass_through(self, reading: Reading) -> Reading:
+        """Put a reading in and take the oldest out."""
+        self._queue.append(reading)
+        return self._queue.popleft()

@@ -1,0 +1,44 @@
+"""The compass: the heading in whole degrees. Draws one normal a cycle."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from ciberrato.kinematics import wrap_angle
+from simulator_stub.sensors.base import Delay, Scene, Sensor
+
+if TYPE_CHECKING:
+    from simulator_stub.noise import NoiseRoot
+    from simulator_stub.robot import Robot
+    from simulator_stub.world import World
+
+
+class CompassSensor(Sensor):
+    """Reads heading plus Gaussian noise, wrapped once and rounded half up: -180 to 180, both included."""
+
+    name = "compass"
+
+    def __init__(self, world: World, robot: Robot, noise: NoiseRoot) -> None:
+        super().__init__(world, robot, noise)
+        parameters = world.parameters
+        self._present = parameters.compass_sensor
+        self._requestable = parameters.compass_requestable
+        self._deviation = parameters.compass_noise * math.pi / 180.0
+        self._delay = Delay(parameters.compass_latency, 0.0)
+        self.reading = 0.0
+
+    @property
+    def request_names(self) -> tuple[str, ...]:
+        """Return the name in SensorRequests."""
+        return ("Compass",)
+
+    def update(self, robot: Robot, scene: Scene) -> None:
+        """Measure the heading in degrees."""
+        angle = wrap_angle(robot.heading + self._deviation * self.noise[scene.running].normal())
+        self.reading = self._delay.pass_through(float(math.floor(angle * 180.0 / math.pi + 0.5)))
+
+    def report(self, robot: Robot, fields: dict[str, Any]) -> None:
+        """Report it if the parameters give the robot a compass."""
+        if self._present and (not self._requestable or "Compass" in robot.requests):
+            fields["compass"] = self.reading

@@ -1,0 +1,66 @@
+"""The four IR obstacle sensors. Draw four normals a cycle, in order of their ids."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from ciberrato.infrared import CONTACT, SATURATION, sensor_distances
+from simulator_stub.sensors.base import Delay, Scene, Sensor
+
+if TYPE_CHECKING:
+    from simulator_stub.noise import NoiseRoot
+    from simulator_stub.robot import Robot
+    from simulator_stub.world import World
+
+SENSORS = 4
+
+
+class InfraredSensors(Sensor):
+    """Reads 1/distance to walls and other robots, plus Gaussian noise, rounded to 0.1 and not clamped."""
+
+    name = "infrared"
+
+    def __init__(self, world: World, robot: Robot, noise: NoiseRoot) -> None:
+        super().__init__(world, robot, noise)
+        parameters = world.parameters
+        self._requestable = parameters.obstacle_requestable
+        self._deviation = parameters.obstacle_noise
+        self._angles = tuple(angle / 180.0 * math.pi for angle in robot.angles)
+        self._delay = Delay(parameters.obstacle_latency, (0.0,) * SENSORS)
+        self.reading: tuple[float, ...] = (0.0,) * SENSORS
+
+    @property
+    def request_names(self) -> tuple[str, ...]:
+        """Return the names in SensorRequests."""
+        return tuple(f"IRSensor{number}" for number in range(SENSORS))
+
+    def update(self, robot: Robot, scene: Scene) -> None:
+        """Measure the distances and turn them into readings."""
+        directions = [robot.heading + angle for angle in self._angles]
+        distances = sensor_distances(self.world.walls, robot.x, robot.y, directions).tolist()
+        draw = self.noise[scene.running].normal
+        self.reading = self._delay.pass_through(
+            tuple(_rounded(_ideal(distance) + self._deviation * draw()) for distance in distances)
+        )
+
+    def report(self, robot: Robot, fields: dict[str, Any]) -> None:
+        """Report all four, or those asked for."""
+        if not self._requestable:
+            fields["infrared"] = self.reading
+        else:
+            fields["infrared"] = tuple(
+                reading if f"IRSensor{number}" in robot.requests else None
+                for number, reading in enumerate(self.reading)
+            )
+
+
+# The same as ideal_reading and round_reading in ciberrato.infrared, which are slow for single numbers.
+
+
+def _ideal(distance: float) -> float:
+    return 1.0 / distance if CONTACT < distance < math.inf else SATURATION
+
+
+def _rounded(value: float) -> float:
+    return math.floor(10.0 * value + 0.5) / 10.0

@@ -1,0 +1,126 @@
+"""The shell around a session: sockets, clock and signals."""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import signal
+import socket
+from collections.abc import Iterator, Sequence
+
+from ciberrato.errors import UsageError
+from simulator_stub.pace import Pace
+from simulator_stub.session import Session
+from simulator_stub.transports import TRANSPORTS, Transport
+
+ANY_PORT_ATTEMPTS = 20
+
+
+def open_transports(names: Sequence[str], host: str, port: int) -> list[Transport]:
+    """Listen on all transports, with one port number.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Keys of `TRANSPORTS`.
+    host : str
+        Address to bind.
+    port : int
+        0 takes one that is free on all of them.
+
+    Returns
+    -------
+    list of Transport
+
+    Raises
+    ------
+    UsageError
+        If the port is in use or the address is not ours.
+    """
+    for attempt in range(ANY_PORT_ATTEMPTS):
+        opened: list[Transport] = []
+        number = port
+        try:
+            for name in names:
+                transport = TRANSPORTS[name]()
+                opened.append(transport)
+                transport.open(host, number)
+                number = transport.port
+        except OSError as error:
+            for transport in opened:
+                transport.close()
+            if port == 0 and len(opened) > 1 and attempt < ANY_PORT_ATTEMPTS - 1:
+                continue  # the number was free on the first transport only
+            reason = error.strerror or str(error)
+            raise UsageError(f"cannot listen on {opened[-1].name} {host}:{number}: {reason}") from None
+        return opened
+    raise AssertionError("the last attempt returns or raises")
+
+
+class Server:
+    """Runs cycles until it is told to stop.
+
+    Parameters
+    ----------
+    session : Session
+    transports : sequence of Transport
+        Open ones; closed at the end.
+    pace : Pace
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        transports: Sequence[Transport],
+        pace: Pace,
+    ) -> None:
+        self.session = session
+        self.pace = pace
+        self._transports = transports
+        self._selector = selectors.DefaultSelector()
+        self._stopping = False
+        for transport in transports:
+            transport.serve(self._selector, session.welcome)
+
+    def run(self) -> None:
+        """Serve until `stop` is called or a signal says so."""
+        while self.pace.wait(self._poll):
+            self.session.cycle()
+
+    def stop(self) -> None:
+        """Let `run` return at once, without another cycle; for signal handlers and for what `run` calls."""
+        self._stopping = True
+
+    def _poll(self, timeout: float) -> bool:
+        if not self._stopping:
+            for key, _ in self._selector.select(timeout):
+                key.data()
+        return not self._stopping
+
+    @contextlib.contextmanager
+    def stopping_on_signals(self) -> Iterator[None]:
+        """Let SIGINT and SIGTERM stop the server while the block runs."""
+        reader, writer = socket.socketpair()
+        reader.setblocking(False)
+        writer.setblocking(False)
+        before_fd = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+        before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        self._selector.register(reader, selectors.EVENT_READ, lambda: reader.recv(4096))
+        for number in before:
+            signal.signal(number, lambda *_: self.stop())
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            signal.set_wakeup_fd(before_fd)
+            self._selector.unregister(reader)
+            reader.close()
+            writer.close()
+
+    def close(self) -> None:
+        """Finish the records and close all sockets."""
+        self.session.close()
+        for transport in self._transports:
+            transport.close()
+        self._selector.close()

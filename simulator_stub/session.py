@@ -1,0 +1,242 @@
+"""A simulation among its clients: registrations, messages in, messages out. No socket, no clock.
+
+`Session.cycle` does what the real simulator does in a cycle, in its order:
+
+1. read the robots' actions, in order of their ids;
+2. record, for those who keep a record;
+3. read registrations;
+4. read the views' commands, in order of their registration;
+5. simulate;
+6. send Measures to the robots, in order of their ids;
+7. send the status of each robot to each view;
+8. change states.
+
+A message that cannot be understood ends the reading from that client (or of registrations) for the cycle;
+what is queued behind it waits for the next one.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from ciberrato.errors import ProtocolError
+from ciberrato.protocol import (
+    GridRequest,
+    LabRequest,
+    PanelRegistration,
+    Refusal,
+    Registration,
+    RemoveRobot,
+    Reset,
+    Restart,
+    Start,
+    Stop,
+    ViewCommand,
+    ViewRegistration,
+    decode_registration,
+    encode,
+    fit_reply,
+)
+from simulator_stub.seats import QUEUE_LIMIT, RobotSeat, ViewSeat
+from simulator_stub.simulation import Simulation
+from simulator_stub.simulator_state import SimulatorState
+from simulator_stub.transports import Newcomer
+
+NAME_LIMIT = 600
+"""Characters of a robot's name. The real simulator survives 600 and dies of 850; we refuse what is longer."""
+
+
+class Recorder(Protocol):
+    """Somebody who writes down what happens."""
+
+    def actions_read(self, simulation: Simulation) -> None:
+        """Look at a cycle after the actions are read, before anything moves."""
+
+    def cycle_done(self, simulation: Simulation) -> None:
+        """Look at a cycle after everything has moved and been measured, before states change."""
+
+    def close(self) -> None:
+        """Finish the record."""
+
+
+class Session:
+    """Who takes part, what they sent, and what they get.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    autostart : int
+        Start, once, as soon as that many robots are registered; 0 = wait for a view's command.
+    recorders : sequence of Recorder
+    notify : callable
+        Told, in one line each, what people may want to know.
+
+    Attributes
+    ----------
+    robots : dict of int to RobotSeat
+        By id, in order.
+    views : list of ViewSeat
+        In order of their registration.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        autostart: int = 0,
+        recorders: Sequence[Recorder] = (),
+        notify: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        self.simulation = simulation
+        self.recorders = recorders
+        self.robots: dict[int, RobotSeat] = {}
+        self.views: list[ViewSeat] = []
+        self._autostart = autostart
+        self._autostarted = False
+        self._notify = notify
+        self._registrations: deque[tuple[Newcomer, bytes]] = deque()
+        self._reply = encode(fit_reply(simulation.acceptance()))
+        self._lab = encode(simulation.world.lab)
+        self._grid = encode(simulation.world.grid)
+
+    def welcome(self, newcomer: Newcomer, data: bytes) -> None:
+        """Take a message of somebody who has not registered; it is looked at in the next cycle."""
+        if len(self._registrations) < QUEUE_LIMIT:
+            self._registrations.append((newcomer, data))
+
+    @property
+    def registrations_waiting(self) -> bool:
+        """Whether somebody waits to be registered."""
+        return bool(self._registrations)
+
+    @property
+    def start_is_due(self) -> bool:
+        """Whether enough robots are there for the automatic start, and it has not happened yet."""
+        return 0 < self._autostart <= len(self.robots) and not self._autostarted
+
+    def cycle(self) -> None:
+        """Do one cycle."""
+        simulation = self.simulation
+        before = simulation.state
+        simulation.begin_cycle()
+        self._read_actions()
+        for recorder in self.recorders:
+            recorder.actions_read(simulation)
+        self._check_in()
+        self._read_commands()
+        for robot_id, measures in simulation.advance().items():
+            seat = self.robots[robot_id]
+            # What could not be read yet counts as an answer to these Measures.
+            seat.answered = bool(seat.messages)
+            seat.peer.send(encode(measures))
+        if self.views:
+            statuses = [encode(status) for status in simulation.statuses()]
+            for view in self.views:
+                for status in statuses:
+                    view.peer.send(status)
+        for recorder in self.recorders:
+            recorder.cycle_done(simulation)
+        simulation.end_cycle()
+        if simulation.state is not before:
+            self._state_changed()
+
+    def _read_actions(self) -> None:
+        for robot_id, seat in self.robots.items():
+            while seat.messages:
+                message = seat.messages.popleft()
+                if isinstance(message, ProtocolError):
+                    self._notify(f"robot {robot_id}: {message}")
+                    break
+                self.simulation.act(robot_id, message)
+
+    def _check_in(self) -> None:
+        while self._registrations:
+            newcomer, data = self._registrations.popleft()
+            if newcomer.registered is not None:
+                newcomer.registered.deliver(data)
+                continue
+            try:
+                registration = decode_registration(data)
+            except ProtocolError as error:
+                self._notify(f"registration from {newcomer.label}: {error}")
+                break
+            self._register(newcomer, registration)
+
+    def _register(self, newcomer: Newcomer, registration: Registration) -> None:
+        peer = newcomer.accept()
+        if isinstance(registration, ViewRegistration | PanelRegistration):
+            if isinstance(registration, ViewRegistration):
+                self.simulation.note_client()
+                self.views.append(ViewSeat(peer))
+            peer.send(self._reply)
+            return
+        robot_id = None
+        if len(registration.name or "") <= NAME_LIMIT:
+            robot_id = self.simulation.register(registration)
+        if robot_id is None:
+            peer.send(encode(Refusal()))
+            peer.close()
+            self._notify(f"refused a robot at position {registration.robot_id} from {peer.label}")
+            return
+        self.robots[robot_id] = RobotSeat(robot_id, peer)
+        self.robots = dict(sorted(self.robots.items()))
+        peer.send(self._reply)
+        self._notify(f"robot {robot_id}, {registration.name!r}, registered from {peer.label}")
+
+    def _read_commands(self) -> None:
+        # Judged by the state before this cycle: whatever is read in the first cycle comes too early.
+        if self.start_is_due and self.simulation.state is SimulatorState.STOPPED:
+            self._autostarted = True
+            self.simulation.start()
+        for view in tuple(self.views):
+            while view.messages:
+                message = view.messages.popleft()
+                if isinstance(message, ProtocolError):
+                    self._notify(f"view at {view.peer.label}: {message}")
+                    break
+                self._obey(view, message)
+                if not self.views:  # a Reset has forgotten them all, this one too
+                    return
+        if any(view.peer.closed for view in self.views):
+            self.views = [view for view in self.views if not view.peer.closed]
+
+    def _obey(self, view: ViewSeat, command: ViewCommand) -> None:
+        match command:
+            case Start():
+                self.simulation.start()
+            case Stop():
+                self.simulation.stop()
+            case LabRequest():
+                view.peer.send(self._lab)
+            case GridRequest():
+                view.peer.send(self._grid)
+            case RemoveRobot(robot_id=robot_id):
+                self.simulation.remove(robot_id)
+            case Reset():
+                self._reset()
+
+    def _reset(self) -> None:
+        for view in self.views:
+            view.peer.send(encode(Restart()))
+            view.peer.close()
+        for seat in self.robots.values():
+            seat.peer.close()
+        self.views = []
+        self.robots = {}
+        self._autostarted = False
+        self.simulation.reset()
+        self._notify("reset")
+
+    def _state_changed(self) -> None:
+        state = self.simulation.state
+        self._notify(f"{state.value.lower()} at time {self.simulation.time}")
+        if state is SimulatorState.RUNNING:
+            for seat in self.robots.values():
+                seat.silent = False
+
+    def close(self) -> None:
+        """Finish all records."""
+        for recorder in self.recorders:
+            recorder.close()

@@ -1,0 +1,295 @@
+"""The simulation itself: no clock, no socket, no thread.
+
+One cycle is ``step(actions)``: it depends on nothing but the simulation's state, the actions, what was
+registered and commanded since the last cycle, and the random numbers that follow from the seed. The shells
+around it (`simulator_stub.session`, `simulator_stub.server`) turn datagrams and time into such calls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ciberrato.lab import Lab
+from ciberrato.parameters import Parameters
+from ciberrato.protocol import (
+    DEFAULT_SENSOR_ANGLES,
+    Acceptance,
+    Actions,
+    Measures,
+    RobotBeaconRegistration,
+    RobotRegistration,
+    RobotStatus,
+)
+from ciberrato.startgrid import StartGrid
+from simulator_stub.motion import move
+from simulator_stub.noise import NoiseRoot, Stream
+from simulator_stub.robot import Robot
+from simulator_stub.robot_state import MOVING, RobotState, next_state
+from simulator_stub.scoring import SCORINGS, Scoring
+from simulator_stub.sensors import SENSORS, Scene
+from simulator_stub.simulator_state import SimulatorEvent, SimulatorState, SimulatorStateMachine
+from simulator_stub.world import World
+
+NAMELESS = "(null)"
+"""What a robot is called that gave no name."""
+
+
+class Simulation:
+    """A lab with robots in it.
+
+    Parameters
+    ----------
+    lab : Lab
+    grid : StartGrid
+        Robot n starts on position n, counted from 1.
+    parameters : Parameters
+    seed : int or numpy.random.Generator
+        Everything random follows from it; of a generator, four numbers are drawn at once and none later.
+    scoring : int
+        Scoring mode.
+
+    Examples
+    --------
+    >>> from ciberrato.gridfile import default_grid
+    >>> from ciberrato.labfile import default_lab
+    >>> simulation = Simulation(default_lab(), default_grid(), seed=7)
+    >>> robot = simulation.register(RobotRegistration(name="santos"))
+    >>> simulation.launch()[robot].time
+    0
+    >>> measures = simulation.step({robot: Actions(left_motor=0.1, right_motor=0.1)})
+    >>> measures[robot].time
+    1
+    """
+
+    def __init__(
+        self,
+        lab: Lab,
+        grid: StartGrid,
+        parameters: Parameters | None = None,
+        seed: int | np.random.Generator = 0,
+        scoring: int = 0,
+    ) -> None:
+        self.world = World.build(lab, grid, parameters or Parameters())
+        self.scoring: Scoring = SCORINGS[scoring](self.world)
+        self._noise = NoiseRoot.from_generator(np.random.default_rng(seed))
+        self._begin_world()
+
+    def _begin_world(self) -> None:
+        self._machine = SimulatorStateMachine()
+        self._robots: dict[int, Robot] = {}
+        self.time = 0
+
+    # --- what is in it ---------------------------------------------------------------------------
+
+    @property
+    def state(self) -> SimulatorState:
+        """What the simulator does in the coming call of `step`."""
+        return self._machine.current
+
+    @property
+    def robots(self) -> tuple[Robot, ...]:
+        """All robots, removed ones too, in order of their ids: the live records, to look at only."""
+        return tuple(self._robots.values())
+
+    def poses(self) -> NDArray[np.float64]:
+        """Return the true poses.
+
+        Returns
+        -------
+        array of shape (robots, 3)
+            x, y in units and heading in radians; rows in order of the robots' ids.
+        """
+        return np.array([(robot.x, robot.y, robot.heading) for robot in self.robots]).reshape(-1, 3)
+
+    def acceptance(self) -> Acceptance:
+        """Return what clients are told when they register."""
+        return Acceptance(parameters=self.world.parameters, n_beacons=len(self.world.lab.beacons))
+
+    # --- what others want of it, between cycles -----------------------------------------------------
+
+    def register(self, registration: RobotRegistration | RobotBeaconRegistration) -> int | None:
+        """Put a robot on its start position.
+
+        A robot that carries a beacon is taken only where the lab has none; its beacon is not simulated yet.
+
+        Returns
+        -------
+        int or None
+            Its position number, or None if it is refused: there is no such position, it is taken (also by a
+            removed robot), the grid is full, or the simulator is running.
+        """
+        if not self._machine.registrations_open:
+            return None
+        if isinstance(registration, RobotRegistration):
+            angles = registration.angles
+        elif self.world.lab.beacons:
+            return None
+        else:
+            angles = DEFAULT_SENSOR_ANGLES
+        wanted = registration.robot_id
+        places = range(1, len(self.world.grid.positions) + 1)
+        free = [place for place in places if place not in self._robots]
+        robot_id = wanted if wanted else (free[0] if free else 0)
+        if robot_id not in free:
+            return None
+        robot = Robot(
+            robot_id=robot_id,
+            name=NAMELESS if registration.name is None else registration.name,
+            angles=angles,
+            start=self.world.grid.positions[robot_id - 1],
+            motor_noise=Stream(self._noise, robot_id, "motors", running=True),
+        )
+        robot.sensors = tuple(sensor(self.world, robot, self._noise) for sensor in SENSORS)
+        robot.request_names = frozenset(name for sensor in robot.sensors for name in sensor.request_names)
+        self._robots[robot_id] = robot
+        self._robots = dict(sorted(self._robots.items()))
+        self.note_client()
+        return robot_id
+
+    def note_client(self) -> None:
+        """Take note that a robot or a view was accepted: the first one makes the simulator leave Ready."""
+        self._machine.handle(SimulatorEvent.CLIENT_ACCEPTED)
+
+    def start(self) -> None:
+        """Start, or go on: from the next cycle on time passes. Counts only while stopped."""
+        self._machine.handle(SimulatorEvent.START)
+
+    def stop(self) -> None:
+        """Pause after the coming cycle. Counts only while running."""
+        self._machine.handle(SimulatorEvent.STOP)
+
+    def remove(self, robot_id: int) -> None:
+        """Take a robot out of the world at the end of the coming cycle; unknown ids are ignored."""
+        if robot_id in self._robots:
+            self._robots[robot_id].removal_requested = True
+
+    def reset(self) -> None:
+        """Forget all robots and begin again, at once, with fresh random numbers of the same seed."""
+        self._noise = self._noise.next_world()
+        self._begin_world()
+
+    # --- a cycle -----------------------------------------------------------------------------------
+
+    def step(self, actions: Mapping[int, Actions | Iterable[Actions]] | None = None) -> dict[int, Measures]:
+        """Do one cycle.
+
+        Parameters
+        ----------
+        actions : mapping of int to Actions or iterable of Actions, optional
+            What robots want, by id; several messages of one robot are applied in order.
+
+        Returns
+        -------
+        dict of int to Measures
+            For each robot that is not removed, in order of the ids.
+
+        Raises
+        ------
+        KeyError
+            There is no robot of that id.
+        """
+        self.begin_cycle()
+        for robot_id, wanted in (actions or {}).items():
+            for message in (wanted,) if isinstance(wanted, Actions) else wanted:
+                self.act(robot_id, message)
+        measures = self.advance()
+        self.end_cycle()
+        return measures
+
+    def launch(self) -> dict[int, Measures]:
+        """Do the two cycles that every run begins with, once the robots are registered.
+
+        The first leaves Ready, the second reads Start.
+
+        Returns
+        -------
+        dict of int to Measures
+            Of the second cycle: time 0, the Start button on. The next `step` is a running one.
+        """
+        self.step()
+        self.start()
+        return self.step()
+
+    # The four parts of a cycle, for those who have something to do between them.
+
+    def begin_cycle(self) -> None:
+        """Forget what lasts one cycle only."""
+        for robot in self._robots.values():
+            robot.begin_cycle(self.world.parameters.requests_per_cycle)
+
+    def act(self, robot_id: int, actions: Actions) -> None:
+        """Apply one message of a robot."""
+        self._robots[robot_id].apply(actions)
+
+    def advance(self) -> dict[int, Measures]:
+        """Let time pass if the simulator is running; measure in any case."""
+        present = [robot for robot in self._robots.values() if robot.state is not RobotState.REMOVED]
+        running = self.state is SimulatorState.RUNNING
+        if running:
+            self.time += 1
+            move(self.world, present)
+        scene = Scene(present, self.time, running)
+        for robot in present:
+            for sensor in robot.sensors:
+                sensor.update(robot, scene)
+        if running:
+            for robot in present:
+                if robot.state in MOVING:
+                    self.scoring.update(robot, self.time, present)
+        return {robot.robot_id: self._measures(robot) for robot in present}
+
+    def statuses(self) -> tuple[RobotStatus, ...]:
+        """Say what views are told; between `advance` and `end_cycle`, as states change only then."""
+        return tuple(self._status(robot) for robot in self._robots.values())
+
+    def end_cycle(self) -> None:
+        """Change states: first the simulator's, then the robots'."""
+        limit = self.world.parameters.sim_time
+        if 0 < limit <= self.time:
+            self._machine.handle(SimulatorEvent.TIME_UP)
+        self._machine.close_cycle()
+        for robot in self._robots.values():
+            before = robot.state
+            robot.state = next_state(robot, self.state, self.scoring)
+            if robot.state is RobotState.STOPPED and before is not RobotState.STOPPED:
+                robot.remembered_state = before
+            if before is RobotState.STOPPED and robot.state is RobotState.RUNNING and self.time == 0:
+                self.scoring.begin(robot)
+
+    def _measures(self, robot: Robot) -> Measures:
+        fields: dict[str, Any] = {}
+        for sensor in robot.sensors:
+            sensor.report(robot, fields)
+        return Measures(
+            time=self.time,
+            start=self._machine.coming is SimulatorState.RUNNING,
+            stop=self._machine.coming is SimulatorState.STOPPED,
+            end_led=robot.end_led,
+            returning_led=robot.returning_led,
+            visiting_led=robot.visiting_led,
+            **fields,
+        )
+
+    def _status(self, robot: Robot) -> RobotStatus:
+        return RobotStatus(
+            name=robot.name,
+            robot_id=robot.robot_id,
+            time=self.time,
+            score=robot.score,
+            arrival_time=robot.arrival_time,
+            returning_time=robot.returning_time,
+            collisions=robot.collisions,
+            collision=robot.collides,
+            visited_mask="".join(
+                "1" if number in robot.visited else "0" for number in range(len(self.world.lab.targets))
+            ),
+            state=robot.state.value,
+            x=robot.x,
+            y=robot.y,
+            direction=robot.heading * 180.0 / math.pi,
+        )

@@ -1,0 +1,47 @@
+"""The world that robots are put into: what does not change while they drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ciberrato.geometry import WallMap
+from ciberrato.lab import Lab
+from ciberrato.parameters import Parameters
+from ciberrato.startgrid import StartGrid
+from simulator_stub.floor import Floor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class World:
+    """A lab, its start grid and the rules; shared by all copies of a simulation.
+
+    Attributes
+    ----------
+    lab : Lab
+    grid : StartGrid
+    parameters : Parameters
+    walls : WallMap
+        The obstacles of the lab, border included.
+    floor : Floor
+        What line sensors see.
+    """
+
+    lab: Lab
+    grid: StartGrid
+    parameters: Parameters
+    walls: WallMap
+    floor: Floor
+
+    @classmethod
+    def build(cls, lab: Lab, grid: StartGrid, parameters: Parameters) -> World:
+        """Put the pieces together and index the walls."""
+        return cls(
+            lab=lab,
+            grid=grid,
+            parameters=parameters,
+            walls=WallMap.from_lab(lab),
+            floor=Floor(lab),
+        )
+
+    def __deepcopy__(self, memo: dict[int, object]) -> World:
+        return self
