@@ -7,9 +7,12 @@ from collections import defaultdict
 
 from ciberrato.lab import Lab, Point
 
+SQUARES_PER_UNIT = 4
+"""Small squares keep most lookups from finding any polygon at all."""
+
 
 class Floor:
-    """The polygons of a lab, listed under the unit squares that their bounding boxes touch.
+    """The polygons of a lab, listed under the squares that their bounding boxes touch.
 
     Parameters
     ----------
@@ -20,8 +23,8 @@ class Floor:
     def __init__(self, lab: Lab) -> None:
         squares: defaultdict[tuple[int, int], list[tuple[Point, ...]]] = defaultdict(list)
         for wall in lab.walls:
-            xs = [x for x, _ in wall.corners]
-            ys = [y for _, y in wall.corners]
+            xs = [x * SQUARES_PER_UNIT for x, _ in wall.corners]
+            ys = [y * SQUARES_PER_UNIT for _, y in wall.corners]
             for column in range(math.floor(min(xs)), math.floor(max(xs)) + 1):
                 for row in range(math.floor(min(ys)), math.floor(max(ys)) + 1):
                     squares[column, row].append(wall.corners)
@@ -29,7 +32,7 @@ class Floor:
 
     def is_marked(self, x: float, y: float) -> bool:
         """Whether a point is inside any polygon, by the even-odd rule."""
-        polygons = self._squares.get((math.floor(x), math.floor(y)))
+        polygons = self._squares.get((math.floor(x * SQUARES_PER_UNIT), math.floor(y * SQUARES_PER_UNIT)))
         return polygons is not None and any(_inside(x, y, polygon) for polygon in polygons)
 
 

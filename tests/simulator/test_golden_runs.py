@@ -1,0 +1,95 @@
+"""Runs of the real simulator, driven again: full precision, without noise."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ciberrato.labfile import default_lab, read_lab
+from ciberrato.parameterfile import read_parameters
+from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.startgrid import GridPosition, StartGrid
+from simulator_stub.simulation import Simulation
+
+REPOSITORY = Path(__file__).parents[2]
+FOLDERS = (REPOSITORY / "tests/data/golden", REPOSITORY / "../shared/golden")
+LABS = REPOSITORY / "../shared/labs"
+BUILT_IN = "PathFinder/pathFinderDefault_lab.xml"
+
+
+def scenarios() -> dict[str, tuple[Path, dict[str, Any]]]:
+    found: dict[str, tuple[Path, dict[str, Any]]] = {}
+    for folder in FOLDERS:
+        index = folder / "physics/scenarios.json"
+        if index.exists():
+            for name, scenario in json.loads(index.read_text()).items():
+                trace = folder / f"physics/direct/{name}.csv.gz"
+                lab_is_there = scenario["lab"] == BUILT_IN or (LABS / scenario["lab"]).exists()
+                if trace.exists() and lab_is_there:
+                    found.setdefault(name, (folder / "physics", scenario))
+    return found
+
+
+def rows_by_time(path: Path) -> dict[int, list[dict[str, str]]]:
+    rows: dict[int, list[dict[str, str]]] = {}
+    with gzip.open(path, "rt") as file:
+        for row in csv.DictReader(file):
+            rows.setdefault(int(row["time"]), []).append(row)
+    return rows
+
+
+def commands(scenario: dict[str, Any]) -> Iterator[dict[int, Actions]]:
+    for count, *powers in scenario["commands_n_then_left_right_per_robot"]:
+        for _ in range(count):
+            if powers == ["hold"]:
+                yield {}
+            else:
+                yield {
+                    number + 1: Actions(left_motor=powers[2 * number], right_motor=powers[2 * number + 1])
+                    for number in range(len(powers) // 2)
+                }
+
+
+@pytest.mark.parametrize("name", sorted(scenarios()) or [pytest.param("none", marks=pytest.mark.skip)])
+def test_a_recorded_run_comes_out_again(name: str) -> None:
+    folder, scenario = scenarios()[name]
+    lab = default_lab() if scenario["lab"] == BUILT_IN else read_lab(LABS / scenario["lab"])
+    parameters = replace(read_parameters(folder / "param_direct.xml"), sim_time=0)
+    grid = StartGrid(
+        positions=tuple(
+            GridPosition(x=x, y=y, direction=direction)
+            for x, y, direction in scenario["start_poses_x_y_dirdeg"]
+        )
+    )
+    simulation = Simulation(lab, grid, parameters)
+    for _ in grid.positions:
+        simulation.register(RobotRegistration())
+    simulation.launch()
+    rows = rows_by_time(folder / f"direct/{name}.csv.gz")
+    for actions in commands(scenario):
+        measures = simulation.step(actions)
+        for robot, row in zip(simulation.robots, rows[simulation.time], strict=True):
+            assert (robot.left_output, robot.right_output) == (
+                float(row["left_out"]),
+                float(row["right_out"]),
+            )
+            pose = (robot.x, robot.y, robot.heading)
+            assert pose == pytest.approx((float(row["x"]), float(row["y"]), float(row["dir_rad"])), abs=1e-9)
+            assert (int(robot.touches_wall), int(robot.touches_robot), robot.collisions) == (
+                int(row["collide_wall"]),
+                int(row["collide_robot"]),
+                int(row["collisions"]),
+            )
+            got = measures[robot.robot_id]
+            assert got.compass == float(row["compass"])
+            assert got.ground == int(row["ground"])
+            assert got.collision == (row["collide_wall"] == "1" or row["collide_robot"] == "1")
+            assert got.infrared == tuple(float(row[f"ir{number}"]) for number in range(4))
+    assert simulation.time == max(rows)
