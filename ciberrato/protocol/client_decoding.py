@@ -26,7 +26,7 @@ from ciberrato.protocol.messages import (
     ViewCommand,
     ViewRegistration,
 )
-from ciberrato.protocol.text import finite_real, lenient_integer, lenient_real
+from ciberrato.protocol.text import finite_real, lenient_integer, lenient_real, shown
 from ciberrato.protocol.xmltree import Element, message_bytes, parse_document
 
 _COMMANDS: dict[str, ViewCommand] = {
@@ -72,7 +72,9 @@ def decode_registration(data: bytes, *, limit: int | None = REGISTRATION_LIMIT) 
         angles = []
         for child in root.children:
             if child.name != "IRSensor":
-                raise ProtocolError(f"Robot: child element {child.name} is not known; only IRSensor is")
+                raise ProtocolError(
+                    f"Robot: child element {shown(child.name)} is not known; only IRSensor is"
+                )
             _refuse_children(child)
             sensor, angle = child.attributes.get("Id"), child.attributes.get("Angle")
             if sensor is not None and angle is not None:
@@ -95,7 +97,7 @@ def decode_registration(data: bytes, *, limit: int | None = REGISTRATION_LIMIT) 
     if root.name == "Panel":
         _refuse_children(root)
         return PanelRegistration()
-    raise ProtocolError(f"{root.name}: not a registration; Robot, RobotBeacon, View and Panel are")
+    raise ProtocolError(f"{shown(root.name)}: not a registration; Robot, RobotBeacon, View and Panel are")
 
 
 def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions:
@@ -136,7 +138,7 @@ def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions
     elif root.name in ("SensorRequests", "Say"):
         attributes, parts = {}, [root]
     else:
-        raise ProtocolError(f"{root.name}: not for robots; Actions, SensorRequests and Say are")
+        raise ProtocolError(f"{shown(root.name)}: not for robots; Actions, SensorRequests and Say are")
     requests: list[str] = []
     say: str | None = None
     for part in parts:
@@ -147,7 +149,7 @@ def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions
             say = (say or "") + part.text + part.tail
         else:
             raise ProtocolError(
-                f"Actions: child element {part.name} is not known; SensorRequests and Say are"
+                f"Actions: child element {shown(part.name)} is not known; SensorRequests and Say are"
             )
     return Actions(
         left_motor=_motor(attributes, "LeftMotor"),
@@ -188,13 +190,15 @@ def decode_view_command(data: bytes, *, limit: int | None = VIEW_COMMAND_LIMIT) 
         return RemoveRobot(robot_id=lenient_integer(root.attributes.get("Id", "0")))
     command = _COMMANDS.get(root.name)
     if command is None:
-        raise ProtocolError(f"{root.name}: not a command; LabReq, GridReq, Start, Stop, Reset and Robot are")
+        raise ProtocolError(
+            f"{shown(root.name)}: not a command; LabReq, GridReq, Start, Stop, Reset and Robot are"
+        )
     return command
 
 
 def _refuse_children(element: Element) -> None:
     if element.children:
-        raise ProtocolError(f"{element.name}: child element {element.children[0].name} is not known")
+        raise ProtocolError(f"{shown(element.name)}: child element {shown(element.children[0].name)} is not known")
 
 
 def _motor(attributes: dict[str, str], name: str) -> float | None:
@@ -203,7 +207,7 @@ def _motor(attributes: dict[str, str], name: str) -> float | None:
         return None
     power = lenient_real(text)
     if math.isnan(power):
-        raise ProtocolError(f"Actions {name}: {text.strip()!r} is not a motor command")
+        raise ProtocolError(f"Actions {name}: {shown(text.strip())!r} is not a motor command")
     return power
 
 

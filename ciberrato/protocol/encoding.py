@@ -38,7 +38,7 @@ from ciberrato.protocol.parameters_text import encode_parameters
 from ciberrato.protocol.text import attribute, cdata, exact, general
 from ciberrato.startgrid import StartGrid
 
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
+_NAME = re.compile(r"[A-Za-z_:][A-Za-z0-9_.:-]*")
 
 _STATUS = """\
 <Robot Name="%s" Id="%d" Time="%d" Score="%d" ArrivalTime="%d" ReturningTime="%d" Collisions="%d" \

@@ -41,7 +41,7 @@ class MessageSplitter:
         ProtocolError
             If a message is longer than the limit. The stream is of no use after that.
         """
-        if not self._rest and data.find(0) == len(data) - 1 < self._limit:
+        if not self._rest and 0 <= data.find(0) == len(data) - 1 < self._limit:
             return [data]  # one whole message: nearly always
         *ends, rest = data.split(b"\0")
         messages = []

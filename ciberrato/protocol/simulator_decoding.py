@@ -18,7 +18,7 @@ from ciberrato.protocol.messages import (
     SimulatorMessage,
 )
 from ciberrato.protocol.parameters_text import decode_parameters
-from ciberrato.protocol.text import required, strict_integer, strict_real
+from ciberrato.protocol.text import required, shown, strict_integer, strict_real
 from ciberrato.protocol.xmltree import Element, message_bytes, parse_document
 
 
@@ -56,7 +56,9 @@ def decode_simulator_message(data: bytes) -> SimulatorMessage:
         return grid_from_element(root)
     if root.name == "Restart":
         return Restart()
-    raise ProtocolError(f"{root.name}: not a simulator's; Reply, Measures, Robot, Lab, Grid and Restart are")
+    raise ProtocolError(
+        f"{shown(root.name)}: not a simulator's; Reply, Measures, Robot, Lab, Grid and Restart are"
+    )
 
 
 def _reply(root: Element) -> Acceptance | Refusal:

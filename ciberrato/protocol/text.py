@@ -8,13 +8,21 @@ from collections.abc import Mapping
 
 from ciberrato.errors import ProtocolError, UsageError
 
-_REAL = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,9})?|inf|nan)", re.IGNORECASE)
+_REAL = re.compile(
+    r"[+-]?(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,9})?|inf|nan)", re.IGNORECASE
+)
 _INTEGER = re.compile(r"[+-]?[0-9]{1,20}")
 _BLANKS = " \t\r\n"
-_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _ESCAPES = str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 )
+
+
+def shown(text: str, longest: int = 40) -> str:
+    """Return the peer's text for an error message, cut where it is long."""
+    return text if len(text) <= longest else text[:longest] + "…"
+
 
 # --- as the simulator reads: what is no number is 0 ------------------------------------------------
 
@@ -42,7 +50,7 @@ def finite_real(text: str, place: str) -> float:
     """
     value = lenient_real(text)
     if not math.isfinite(value):
-        raise ProtocolError(f"{place}: {text.strip(_BLANKS)!r} is not a finite number")
+        raise ProtocolError(f"{place}: {shown(text.strip(_BLANKS))!r} is not a finite number")
     return value
 
 
@@ -59,7 +67,7 @@ def strict_real(text: str, place: str) -> float:
     """
     stripped = text.strip(_BLANKS)
     if not _REAL.fullmatch(stripped):
-        raise ProtocolError(f"{place}: {text!r} is not a number")
+        raise ProtocolError(f"{place}: {shown(text)!r} is not a number")
     return float(stripped)
 
 
@@ -73,7 +81,7 @@ def strict_integer(text: str, place: str) -> int:
     """
     stripped = text.strip(_BLANKS)
     if not _INTEGER.fullmatch(stripped):
-        raise ProtocolError(f"{place}: {text!r} is not an integer")
+        raise ProtocolError(f"{place}: {shown(text)!r} is not an integer")
     return int(stripped)
 
 

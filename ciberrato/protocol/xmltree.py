@@ -9,6 +9,7 @@ from xml.parsers.expat.errors import messages as _error_messages
 
 from ciberrato.errors import ProtocolError
 from ciberrato.protocol.limits import NESTING_LIMIT
+from ciberrato.protocol.text import shown
 
 _DECLARED_ENCODING = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([A-Za-z0-9._:-]*)["']""")
 _KNOWN_ENCODINGS = {
@@ -88,7 +89,7 @@ def parse_document(data: bytes, *, invalid_bytes: Literal["?", "latin-1"]) -> El
         element = Element(name, attributes)
         if open_elements:
             if len(open_elements) >= NESTING_LIMIT:
-                raise ProtocolError(f"{name}: nested more than {NESTING_LIMIT} elements deep")
+                raise ProtocolError(f"{shown(name)}: nested more than {NESTING_LIMIT} elements deep")
             open_elements[-1].children.append(element)
         else:
             roots.append(element)
@@ -122,7 +123,7 @@ def parse_document(data: bytes, *, invalid_bytes: Literal["?", "latin-1"]) -> El
 
 
 def _refuse_doctype(name: str, _system: str | None, _public: str | None, _internal: int) -> None:
-    raise ProtocolError(f"DOCTYPE {name}: document types and entities are not part of the protocol")
+    raise ProtocolError(f"DOCTYPE {shown(name)}: document types and entities are not part of the protocol")
 
 
 def _as_utf8(data: bytes, invalid_bytes: Literal["?", "latin-1"]) -> bytes:
@@ -132,7 +133,7 @@ def _as_utf8(data: bytes, invalid_bytes: Literal["?", "latin-1"]) -> bytes:
         name = declared.group(1).decode("ascii").lower()
         encoding = _KNOWN_ENCODINGS.get(name)
         if encoding is None:
-            raise ProtocolError(f"XML declaration: encoding {name!r} is not supported; use UTF-8")
+            raise ProtocolError(f"XML declaration: encoding {shown(name)!r} is not supported; use UTF-8")
         if encoding == "latin-1":
             return data.decode("latin-1").encode("utf-8")
     try:
