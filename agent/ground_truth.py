@@ -53,13 +53,17 @@ class GroundTruth:
     spread: NDArray[np.float64] | None = None
 
 
-def pose_error(motors_noise: float) -> tuple[float, float, float]:
-    """How far off the cell's centre a step's reading is taken.
+def pose_error(parameters: Parameters) -> tuple[float, float, float]:
+    """How far off the cell's centre our pilot takes the reading of a step.
+
+    Power laws through what 100 simulated drives of 13 cells each gave at cruise 0.1, for motor noises of
+    0.5 to 5 %, compass noises of 0.5 to 8 degrees and IR noises of 0.1 to 0.4: within 6 % along, 35 % for
+    the others.
 
     Parameters
     ----------
-    motors_noise : float
-        MotorsNoise as announced, in percent.
+    parameters : Parameters
+        Noise levels as announced.
 
     Returns
     -------
@@ -68,7 +72,14 @@ def pose_error(motors_noise: float) -> tuple[float, float, float]:
     heading : float
         Standard deviation in radians.
     """
-    return (0.03, 0.01 * motors_noise, 0.01 * motors_noise)
+    motors = parameters.motors_noise / 1.5
+    compass = max(parameters.compass_noise, 0.5) / 2.0 if parameters.compass_sensor else 2.0
+    infrared = max(parameters.obstacle_noise, 0.05) / 0.1
+    return (
+        0.024 * motors,
+        0.0154 * motors**0.4 * compass**0.25 * infrared**0.25,
+        0.0140 * motors**0.55 * compass**0.3 * infrared**0.1,
+    )
 
 
 def pose_error_nodes(
@@ -99,7 +110,7 @@ def pose_error_nodes(
 
 
 def compute_ground_truth(
-    lab: Lab, angles: Angles, *, motors_noise: float = 0.0, model: DistanceModel = "sensor"
+    lab: Lab, angles: Angles, parameters: Parameters | None = None, *, model: DistanceModel = "sensor"
 ) -> GroundTruth:
     """Work out the tables at once, in the calling thread.
 
@@ -108,8 +119,8 @@ def compute_ground_truth(
     lab : Lab
     angles : tuple of four float
         Mounting angles of the sensors in degrees.
-    motors_noise : float
-        MotorsNoise as announced, in percent; above 0 the readings at displaced poses are worked out too.
+    parameters : Parameters or None
+        As announced; where motors have noise the readings at displaced poses are worked out too.
     model : str
         ``sensor``: the distance that the real sensor takes; ``cone``: the nearest wall point in its cone.
 
@@ -124,11 +135,11 @@ def compute_ground_truth(
     east, north = cell_openings(lab)
     readings = cell_readings(lab, angles, model=model)
     free = standing_room(lab)
-    if motors_noise <= 0.0:
+    if parameters is None or parameters.motors_noise <= 0.0:
         return GroundTruth(
             readings=readings, east=east, north=north, free=free, offsets=np.zeros((1, 3)), weights=np.ones(1)
         )
-    offsets, weights = pose_error_nodes(pose_error(motors_noise))
+    offsets, weights = pose_error_nodes(pose_error(parameters))
     spread = cell_readings(lab, angles, model=model, offsets=offsets)
     return GroundTruth(
         readings=readings, east=east, north=north, free=free, offsets=offsets, weights=weights, spread=spread
@@ -157,7 +168,7 @@ def standing_room(lab: Lab) -> NDArray[np.bool_]:
     obstacles = tuple(wall for wall in lab.walls if wall.height > 0.0)
     walls = WallMap.from_lab(dataclasses.replace(lab, walls=obstacles))
     x, y = cell_centres(lab)[..., 0], cell_centres(lab)[..., 1]
-    return (walls.distance(x, y) >= ROBOT_RADIUS) & ~walls.inside_polygons(x, y)
+    return (walls.distance(x, y) >= ROBOT_RADIUS) & ~walls.point_in_polygons(x, y)
 
 
 class GroundTruthWorker:
@@ -176,7 +187,7 @@ class GroundTruthWorker:
         self._lab = lab
         self._angles: Angles = angles
         self._model: DistanceModel = model
-        self._motors_noise = 0.0
+        self._parameters: Parameters | None = None
         self._announced = threading.Event()
         self._tables: GroundTruth | None = None
         self.error: BaseException | None = None
@@ -194,7 +205,7 @@ class GroundTruthWorker:
         ----------
         parameters : Parameters
         """
-        self._motors_noise = parameters.motors_noise
+        self._parameters = parameters
         self._announced.set()
 
     def result(self) -> GroundTruth:
@@ -221,8 +232,6 @@ class GroundTruthWorker:
             import ciberrato.infrared  # noqa: F401 (its imports cost more than the tables: not after the announcement)
 
             self._announced.wait()
-            self._tables = compute_ground_truth(
-                self._lab, self._angles, motors_noise=self._motors_noise, model=self._model
-            )
+            self._tables = compute_ground_truth(self._lab, self._angles, self._parameters, model=self._model)
         except BaseException as error:
             self.error = error
