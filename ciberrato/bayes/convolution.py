@@ -168,8 +168,10 @@ def fold(full: FloatArray, first: int, size: int, edge: Edge, axis: int) -> Floa
     place = first + low
     result[(*lead, slice(place, place + high - low))] = inside
     if edge == "stay":
-        result[(*lead, 0)] += full[(*lead, slice(0, low))].sum(axis=axis)
-        result[(*lead, size - 1)] += full[(*lead, slice(high, length))].sum(axis=axis)
+        result[(*lead, slice(0, 1))] += full[(*lead, slice(0, low))].sum(axis=axis, keepdims=True)
+        result[(*lead, slice(size - 1, size))] += full[(*lead, slice(high, length))].sum(
+            axis=axis, keepdims=True
+        )
     return result
 
 
@@ -228,14 +230,15 @@ def convolve_all(
     FloatArray
         The belief's shape.
     """
-    belief, kernel = np.asarray(belief, dtype=float), np.asarray(kernel, dtype=float)
-    if not belief.ndim == kernel.ndim == len(first) == len(edges):
-        raise ValueError(f"kernel {kernel.shape}, offsets and edges must have {belief.ndim} axes")
-    full = np.zeros([b + k - 1 for b, k in zip(belief.shape, kernel.shape, strict=True)])
-    for flat in np.flatnonzero(kernel):
-        index = tuple(int(i) for i in np.unravel_index(int(flat), kernel.shape))
-        window = tuple(slice(i, i + size) for i, size in zip(index, belief.shape, strict=True))
-        full[window] += kernel[index] * belief
+    before: FloatArray = np.asarray(belief, dtype=float)
+    taps: FloatArray = np.asarray(kernel, dtype=float)
+    if not before.ndim == taps.ndim == len(first) == len(edges):
+        raise ValueError(f"kernel {taps.shape}, offsets and edges must have {before.ndim} axes")
+    full = np.zeros([b + k - 1 for b, k in zip(before.shape, taps.shape, strict=True)])
+    for flat in np.flatnonzero(taps):
+        index = tuple(int(i) for i in np.unravel_index(int(flat), taps.shape))
+        window = tuple(slice(i, i + size) for i, size in zip(index, before.shape, strict=True))
+        full[window] += taps[index] * before
     for axis, edge in enumerate(edges):
-        full = fold(full, first[axis], belief.shape[axis], edge, axis)
+        full = fold(full, first[axis], before.shape[axis], edge, axis)
     return full

@@ -19,7 +19,7 @@ from ciberrato.bayes import (
     moments,
     most_likely_cell,
     most_likely_cells,
-)  # fmt: skip
+)
 from ciberrato.bayes.spaces import line, pose_grid, rectangle
 
 POSES = pose_grid((12, 9, 18), cell=0.3048, origin=(-1.6764, -1.3716, -math.pi))

@@ -1,0 +1,390 @@
+r"""Odometry as turn, drive, turn with Gaussian noise, as a density over the end pose.
+
+From :math:`(x, y, \theta)` the robot turns by :math:`\delta_1`, drives :math:`\tau` and turns by
+:math:`\delta_2`, each normal about the odometry's figure. The end pose at distance r and direction
+:math:`\phi` from the start can be reached driving forward or, where the noise makes :math:`\tau` negative,
+backward:
+
+.. math::
+   p(x', y', \theta' | u, x, y, \theta) = \frac1r \sum_{s = \pm 1} N(s r; \tau, \sigma_\tau^2)\,
+       W(\phi_s - \theta - \delta_1; \sigma_1^2)\, W(\theta' - \phi_s - \delta_2; \sigma_2^2)
+
+with W the normal distribution wound round the circle and :math:`\phi_{-1} = \phi + \pi`. 1 / r is the
+Jacobian of polar coordinates, which the product in Probabilistic Robotics, table 5.5 leaves out;
+`density="book"` leaves it out too, and the backward way. Sampling (table 5.6) draws from the former.
+
+The sum over all pairs of cells needs no loop over pairs: the density is A(d) B(d, heading before) C(d,
+heading after) for a displacement d, so that a prediction is one matrix product, a shift of each of its rows,
+and a second matrix product. That is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ciberrato.bayes.angles import wrap, wrapped_normal
+from ciberrato.bayes.arraytypes import FloatArray, IntArray
+from ciberrato.bayes.motion.displacements import Displacements, displacements
+from ciberrato.bayes.spaces import StateSpace
+
+Density = Literal["pose", "book"]
+
+# Grids with at most this many (displacement, cell) pairs are shifted by one table of indices, others by
+# slices.
+_TABLE_LIMIT = 1_000_000
+_BLOCK = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OdometryReading:
+    """A relative motion, as odometry reports it.
+
+    Attributes
+    ----------
+    rot1, rot2 : float
+        Turn before and after the drive, radians.
+    trans : float
+        Way driven, in units of length.
+    """
+
+    rot1: float = 0.0
+    trans: float = 0.0
+    rot2: float = 0.0
+
+    @classmethod
+    def between(cls, before: ArrayLike, after: ArrayLike) -> OdometryReading:
+        """Give the motion between two odometry poses (x, y, heading): table 5.5, lines 2 to 4."""
+        x0, y0, heading0 = (float(v) for v in np.asarray(before))
+        x1, y1, heading1 = (float(v) for v in np.asarray(after))
+        trans = math.hypot(x1 - x0, y1 - y0)
+        # Without any way driven the direction means nothing: then all of the turn comes after.
+        rot1 = float(wrap(math.atan2(y1 - y0, x1 - x0) - heading0)) if trans > 0.0 else 0.0
+        return cls(rot1=rot1, trans=trans, rot2=float(wrap(heading1 - heading0 - rot1)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OdometryNoise:
+    """Standard deviations of odometry: a constant part, and the book's alphas (table 5.5, lines 8 to 10).
+
+    Attributes
+    ----------
+    rotation : float
+        Constant part for either turn, radians.
+    translation : float
+        Constant part for the drive, in units of length.
+    alpha1, alpha2, alpha3, alpha4 : float
+        Variance of a turn per square radian turned and square unit driven; variance of the drive per square
+        unit driven and square radian turned.
+    """
+
+    rotation: float = 0.0
+    translation: float = 0.0
+    alpha1: float = 0.0
+    alpha2: float = 0.0
+    alpha3: float = 0.0
+    alpha4: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("rotation", "translation", "alpha1", "alpha2", "alpha3", "alpha4"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
+
+    def sigmas(self, reading: OdometryReading) -> tuple[float, float, float]:
+        """Give the standard deviations of rot1, trans and rot2; ValueError if one is 0."""
+        drive = reading.trans**2
+        turns = reading.rot1**2, reading.rot2**2
+        rot1, rot2 = (
+            math.sqrt(self.rotation**2 + self.alpha1 * turn + self.alpha2 * drive) for turn in turns
+        )
+        trans = math.sqrt(self.translation**2 + self.alpha3 * drive + self.alpha4 * sum(turns))
+        if min(rot1, trans, rot2) == 0.0:
+            raise ValueError("odometry needs some noise in each of its three parts to have a density")
+        return rot1, trans, rot2
+
+
+class Prediction(NamedTuple):
+    """A predicted belief and what was left out on the way.
+
+    Attributes
+    ----------
+    belief : FloatArray
+        Not normalized: what left the grid is missing.
+    skipped : float
+        Mass of the start states that were skipped because they hold too little.
+    truncated : float
+        Bound on the share of the kernel's mass that the window cut off.
+    """
+
+    belief: FloatArray
+    skipped: float
+    truncated: float
+
+
+class GaussianOdometry:
+    """Turn, drive, turn over an (x, y, heading) grid.
+
+    Mass that leaves the grid is lost. The density is taken at the centres of the cells, and of parts of those
+    that are near against the noise of the first turn. The noise of the drive should be at least 0.6 cells,
+    and that of the last turn 0.6 heading cells. For finer noise see `ciberrato.bayes.motion.turn_drive_turn`.
+
+    Parameters
+    ----------
+    space : StateSpace
+        Three axes, in the order x, y, heading; the last periodic over a whole turn.
+    noise : OdometryNoise
+        Standard deviations.
+    density : {"pose", "book"}
+        The density over the end pose, or the product of table 5.5.
+    window : float, optional
+        Leave out displacements whose distance is more than this many sigmas from the drive; all count if
+        None.
+    skip_below : float
+        Leave out start states with less mass than this.
+    normalized : bool
+        Divide by `kernel_mass`, so that each state's kernel sums to 1 before the edges take their part.
+        Otherwise headings along the grid's axes and between them gain and lose mass where the noise is as
+        fine as the cells.
+    """
+
+    def __init__(
+        self,
+        space: StateSpace,
+        noise: OdometryNoise,
+        *,
+        density: Density = "pose",
+        window: float | None = None,
+        skip_below: float = 0.0,
+        normalized: bool = True,
+    ) -> None:
+        if len(space.axes) != 3 or not math.isclose(space.axes[2].length, 2.0 * math.pi):
+            raise ValueError("odometry needs axes x, y, heading, the last over a whole turn")
+        if density not in ("pose", "book"):
+            raise ValueError(f"the density is 'pose' or 'book', not {density!r}")
+        if (window is not None and not window > 0.0) or not skip_below >= 0.0:
+            raise ValueError("the window must be positive and the mass to skip 0 or more")
+        self.space = space
+        self.noise = noise
+        self.density: Density = density
+        self.window = window
+        self.skip_below = skip_below
+        self.normalized = normalized
+        self._headings = space.axes[2].centres
+        self._cell = (space.axes[0].cell, space.axes[1].cell)
+        self._reach = (space.shape[0] - 1, space.shape[1] - 1)
+        # The book's density belongs to the cell centres.
+        self._finest = _finest_turn(noise) if density == "pose" else None
+        self._all = displacements(self._reach, self._cell, rotation=self._finest)
+        self._beyond: dict[tuple[int, int], Displacements] = {}
+        self._forward, self._backward = self._source_tables()
+        # Work space: a fresh array of this size costs more in page faults than the arithmetic on it.
+        count, cells = self._forward.shape
+        self._padded = np.zeros((cells + 1, space.shape[2]))
+        self._spread, self._moved, self._other = (np.zeros((count, cells + 1 - k)) for k in (0, 1, 1))
+
+    def _source_tables(self) -> tuple[IntArray, IntArray]:
+        rows, columns, _ = self.space.shape
+        count = len(self._all.distance)
+        if count * rows * columns > _TABLE_LIMIT:
+            return np.empty((0, 0), np.intp), np.empty((0, 0), np.intp)
+        x, y = (v.ravel() for v in np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"))
+        tables = []
+        for sign in (-1, 1):
+            i = x + sign * self._all.cells[:, :1]
+            j = y + sign * self._all.cells[:, 1:]
+            inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+            # Sources off the grid point to a column of zeros after the last cell.
+            source = np.where(inside, i * columns + j, rows * columns)
+            tables.append(source + np.arange(count)[:, np.newaxis] * (rows * columns + 1))
+        return tables[0], tables[1]
+
+    def predict(self, belief: ArrayLike, control: OdometryReading) -> FloatArray:
+        """Move a belief, shape (x, y, heading), by an odometry reading. Not normalized."""
+        return self.predict_with_losses(belief, control).belief
+
+    def predict_with_losses(self, belief: ArrayLike, control: OdometryReading) -> Prediction:
+        """Move a belief and say what was left out.
+
+        Parameters
+        ----------
+        belief : array_like, shape (x, y, heading)
+            Sums to 1.
+        control : OdometryReading
+            The relative motion measured.
+
+        Returns
+        -------
+        Prediction
+        """
+        belief = np.asarray(belief, dtype=float)
+        if belief.shape != self.space.shape:
+            raise ValueError(f"belief has shape {belief.shape}, the space {self.space.shape}")
+        skipped = 0.0
+        if self.skip_below > 0.0:
+            small = belief < self.skip_below
+            skipped = float(belief[small].sum())
+            belief = np.where(small, 0.0, belief)
+        chosen, truncated = self._window(control)
+        steps = self._all.take(chosen)
+        before, after, forward, backward = factors = self._factors(steps, control)
+        if self.normalized:
+            # A window cuts the kernel and not its norm, so that the mass cut off is missing and can be seen.
+            within = self._sum_within(factors if self.window is None else self._factors(self._all, control))
+            before /= within + self._sum_beyond(control)
+        if self._forward.size and self.skip_below == 0.0:
+            predicted = self._by_table(belief, chosen, before, after, forward, backward)
+        else:
+            predicted = self._by_slices(belief, steps, before, after, forward, backward)
+        return Prediction(predicted, skipped, truncated)
+
+    def kernel_mass(self, control: OdometryReading) -> FloatArray:
+        """Give the density's sum over an unbounded grid for each heading before, (headings,); ideally 1."""
+        factors = self._factors(self._all, control)
+        return self._sum_within(factors) + self._sum_beyond(control)
+
+    def _sum_within(
+        self, factors: tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]
+    ) -> FloatArray:
+        before, after, forward, backward = factors
+        # Driving backward along direction(d) ends at -d, but it begins and ends with the same headings as
+        # forward.
+        weight = forward if backward is None else forward + backward
+        return np.asarray((after.sum(axis=1) * weight) @ before)
+
+    def _sum_beyond(self, control: OdometryReading) -> FloatArray:
+        """Sum over the displacements that are longer than the grid."""
+        _, trans, _ = self.noise.sigmas(control)
+        far = abs(control.trans) + 5.5 * trans
+        reach = (math.ceil(far / self._cell[0]), math.ceil(far / self._cell[1]))
+        if reach[0] <= self._reach[0] and reach[1] <= self._reach[1]:
+            return np.zeros(len(self._headings))
+        if reach not in self._beyond:
+            steps = displacements(reach, self._cell, rotation=self._finest)
+            self._beyond[reach] = steps.take((np.abs(steps.cells) > np.array(self._reach)).any(axis=1))
+        return self._sum_within(self._factors(self._beyond[reach], control))
+
+    def _window(self, control: OdometryReading) -> tuple[IntArray, float]:
+        if self.window is None:
+            return np.arange(len(self._all.distance)), 0.0
+        _, sigma, _ = self.noise.sigmas(control)
+        limit = self.window * sigma
+        distance = self._all.distance
+        near = np.abs(distance - control.trans) <= limit
+        if self.density == "pose":
+            near |= np.abs(distance + control.trans) <= limit
+        return np.flatnonzero(near), math.erfc(self.window / math.sqrt(2.0))
+
+    def _factors(
+        self, steps: Displacements, control: OdometryReading
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+        """Give B and C, (displacements, headings), and A for both ways, (displacements,)."""
+        rot1, trans, rot2 = self.noise.sigmas(control)
+        direction = steps.direction[:, np.newaxis]
+        before = wrapped_normal(direction - (self._headings + control.rot1), rot1)
+        after = wrapped_normal((self._headings - control.rot2) - direction, rot2)
+        after *= self.space.axes[2].cell
+        scale = 1.0 / (trans * math.sqrt(2.0 * math.pi))
+        forward = np.exp(-0.5 * np.square((steps.distance - control.trans) / trans)) * scale
+        if self.density == "book":
+            return before, after, forward * steps.area, None
+        backward = None
+        if control.trans < 8.5 * trans:
+            backward = np.exp(-0.5 * np.square((steps.distance + control.trans) / trans)) * scale
+            backward *= steps.inverse_distance
+        return before, after, forward * steps.inverse_distance, backward
+
+    def _by_table(
+        self,
+        belief: FloatArray,
+        chosen: IntArray,
+        before: FloatArray,
+        after: FloatArray,
+        forward: FloatArray,
+        backward: FloatArray | None,
+    ) -> FloatArray:
+        cells, headings = belief.shape[0] * belief.shape[1], belief.shape[2]
+        count = len(before)
+        self._padded[:-1] = belief.reshape(cells, headings)
+        whole = count == len(self._spread)
+        if whole:
+            np.matmul(before, self._padded.T, out=self._spread)
+        else:
+            self._spread[chosen] = before @ self._padded.T
+        moved, other = self._moved[:count], self._other[:count]
+        # mode="clip" lets numpy write straight into `out`; all indices are valid.
+        np.take(self._spread, self._forward if whole else self._forward[chosen], out=moved, mode="clip")
+        moved *= forward[:, np.newaxis]
+        if backward is not None:
+            # Driving backward along direction(d) leads to -d.
+            np.take(self._spread, self._backward if whole else self._backward[chosen], out=other, mode="clip")
+            other *= backward[:, np.newaxis]
+            moved += other
+        return np.asarray((moved.T @ after).reshape(belief.shape))
+
+    def _by_slices(
+        self,
+        belief: FloatArray,
+        steps: Displacements,
+        before: FloatArray,
+        after: FloatArray,
+        forward: FloatArray,
+        backward: FloatArray | None,
+    ) -> FloatArray:
+        rows, columns, headings = belief.shape
+        result = np.zeros(belief.shape)
+        if not len(steps.cells) or not belief.any():
+            return result
+        held = belief.any(axis=2)
+        box = tuple(slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(held))
+        inner = belief[box]
+        reach = np.abs(steps.cells).max(axis=0)
+        low = [max(0, box[i].start - int(reach[i])) for i in range(2)]
+        high = [min(n, box[i].stop + int(reach[i])) for i, n in enumerate((rows, columns))]
+        shape = (high[0] - low[0], high[1] - low[1])
+        source = np.ascontiguousarray(inner.reshape(-1, headings).T)
+        total = np.zeros((headings, shape[0] * shape[1]))
+        for start in range(0, len(steps.cells), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            spread = (before[block] @ source).reshape(-1, *inner.shape[:2])
+            moved = np.zeros((len(spread), *shape))
+            for k, (i, j) in enumerate(steps.cells[block]):
+                ways = [(1, forward[start + k])]
+                if backward is not None:
+                    ways.append((-1, backward[start + k]))
+                for sign, weight in ways:
+                    if weight > 0.0:
+                        _add_shifted(
+                            moved[k], spread[k], box, low, (sign * int(i), sign * int(j)), float(weight)
+                        )
+            total += after[block].T @ moved.reshape(len(spread), -1)
+        result[low[0] : high[0], low[1] : high[1]] = total.T.reshape(*shape, headings)
+        return result
+
+
+def _finest_turn(noise: OdometryNoise) -> float:
+    """Give the least standard deviation that the first turn can have; a degree if nothing bounds it."""
+    return max(noise.rotation, math.radians(1.0))
+
+
+def _add_shifted(
+    target: FloatArray,
+    source: FloatArray,
+    box: tuple[slice, ...],
+    low: list[int],
+    step: tuple[int, int],
+    weight: float,
+) -> None:
+    """Add an image at `box` of the grid, moved by `step` cells, to `target`, which begins at `low`."""
+    to, taken = [], []
+    for axis in range(2):
+        first = box[axis].start - low[axis] + step[axis]
+        begin, end = max(first, 0), min(first + source.shape[axis], target.shape[axis])
+        if begin >= end:
+            return
+        to.append(slice(begin, end))
+        taken.append(slice(begin - first, end - first))
+    target[to[0], to[1]] += weight * source[taken[0], taken[1]]
