@@ -1,12 +1,12 @@
 """Which robots collide in a cycle, and where that leaves them.
 
 The simulator moves all robots at once: it works out where each wants to be
-(`ciberrato.kinematics.advance`), asks `find_collisions` who is stopped, and commits what `settle` gives. A
+(`ciberrato.kinematics.advance`), asks `resolve_collisions` who is stopped, and commits what `settle` gives. A
 cycle of a simulation is::
 
     wanted = [advance(x, y, heading, left, right) for ...]
     speeds = [(right + left) / 2 for ...]
-    wall, robot = find_collisions(walls, poses, wanted, speeds)
+    wall, robot = resolve_collisions(walls, poses, wanted, speeds)
     poses = [settle(*triple) for triple in zip(poses, wanted, or_(wall, robot))]
 
 A robot that does not move in this cycle (finished, or stopped) takes part with its pose as the wanted one:
@@ -24,7 +24,7 @@ from ciberrato.kinematics import ROBOT_RADIUS
 Pose = tuple[float, float, float]
 
 
-def find_collisions(
+def resolve_collisions(
     walls: WallMap, poses: Sequence[Pose], wanted: Sequence[Pose], speeds: Sequence[float]
 ) -> tuple[list[bool], list[bool]]:
     """Find who runs into what.

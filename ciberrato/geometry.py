@@ -1,23 +1,32 @@
 """The walls of a lab as arrays: distances, lines of sight, what lies inside.
 
-A `WallMap` is built once per lab. A *face* is a side of a wall, a *corner* a vertex of one; the border of
-the lab is a wall like the others. Lengths are in units, frame and origin are the lab's.
+A `WallMap` is built once per lab. A *face* is a side of a wall, a *corner* a vertex of one; the border of the
+lab is a wall like the others. Lengths are in units, frame and origin are the lab's.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ciberrato.lab import Lab, Wall
+from ciberrato.nearby import NearbyFaces
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
+_BLOCK_ELEMENTS = 2**15
+"""Points times faces worked on at once: arrays of 256 kB stay in the cache."""
+_ROUNDING = 1e-12
+"""How far, as a fraction of a segment, its end may be beyond a face that it touches."""
+_GRAZE = 1e-9
+"""Units."""
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class WallMap:
     """The walls of a lab that count for one purpose; made by `from_lab`.
 
@@ -26,12 +35,12 @@ class WallMap:
     width, height : float
         Size of the lab.
     start, end : array, shape (faces, 2)
-        Ends of each face.
+        Ends of each face; every corner of a wall is the start of one face and the end of another.
+    edge : array, shape (faces, 2)
+        From start to end.
+    length : array, shape (faces,)
     direction : array, shape (faces, 2)
         Unit vector from start to end.
-    length : array, shape (faces,)
-    corners : array, shape (corners, 2)
-        Corners of the walls, each once.
     polygons : tuple of array, shape (n, 2)
         Corners of every wall of the lab but the border, of any height: what the line sensor sees.
     """
@@ -40,9 +49,9 @@ class WallMap:
     height: float
     start: Floats
     end: Floats
-    direction: Floats
+    edge: Floats
     length: Floats
-    corners: Floats
+    direction: Floats
     polygons: tuple[Floats, ...]
 
     @classmethod
@@ -53,8 +62,8 @@ class WallMap:
         ----------
         lab : Lab
         at_least : float or None
-            Take walls of at least this height, which is what hides a beacon of this height; None = walls
-            higher than 0.
+            Take walls of at least this height: those that hide a beacon of this height. None = walls higher
+            than 0: those that stop robots and reflect IR.
 
         Returns
         -------
@@ -73,11 +82,16 @@ class WallMap:
             height=lab.height,
             start=start,
             end=end,
-            direction=edge / length[:, np.newaxis],
+            edge=edge,
             length=length,
-            corners=np.unique(start, axis=0),
+            direction=edge / length[:, np.newaxis],
             polygons=tuple(np.array(wall.corners) for wall in lab.walls),
         )
+
+    @cached_property
+    def nearby(self) -> NearbyFaces:
+        """The faces sorted by distance for each square unit: what makes one point at a time fast."""
+        return NearbyFaces(self.start, self.end, self.edge, self.length, self.direction)
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Distance of points to the nearest face.
@@ -90,25 +104,21 @@ class WallMap:
         Returns
         -------
         array
-            Shape as broadcast. At most the width of the lab, as the real simulator has it. Only faces
-            count: inside a wall it is the distance to the wall's faces too.
+            Shape as broadcast. At most the width of the lab, as in the real simulator. Only faces count:
+            inside a wall it is the distance to the wall's faces too.
         """
         px, py = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
-        dx = px[..., np.newaxis] - self.start[:, 0]
-        dy = py[..., np.newaxis] - self.start[:, 1]
-        ux, uy = self.direction.T
-        along = dx * ux + dy * uy
-        ex = px[..., np.newaxis] - self.end[:, 0]
-        ey = py[..., np.newaxis] - self.end[:, 1]
-        distances = np.where(
-            along < 0.0,
-            np.sqrt(dx * dx + dy * dy),
-            np.where(along > self.length, np.sqrt(ex * ex + ey * ey), np.abs(dx * uy - dy * ux)),
-        )
-        return np.asarray(np.minimum(distances.min(axis=-1, initial=self.width), self.width))
+        points = np.stack((px.reshape(-1), py.reshape(-1)))
+        result = np.empty(px.size)
+        step = max(1, _BLOCK_ELEMENTS // max(1, self.length.size))
+        for low in range(0, px.size, step):
+            block = points[:, low : low + step, np.newaxis]
+            distances = face_distances(block[0], block[1], self.start, self.end, self.direction, self.length)
+            result[low : low + step] = distances.min(axis=1, initial=self.width)
+        return result.reshape(px.shape)
 
     def touches(self, x: float, y: float, radius: float) -> bool:
-        """Whether a disc overlaps a face.
+        """Whether a disc overlaps a face. This is the collision rule, for one robot at a time.
 
         Parameters
         ----------
@@ -118,68 +128,79 @@ class WallMap:
         Returns
         -------
         bool
-            Whether the distance is less than the radius.
+            Whether `distance` is less than the radius, to the last bit.
         """
-        return bool(self.distance(x, y) < radius)
+        return radius > self.width or self.nearby.any_within(x, y, radius)
 
     def blocked(self, x0: ArrayLike, y0: ArrayLike, x1: ArrayLike, y1: ArrayLike) -> Booleans:
-        """Whether a straight segment meets a wall.
+        """Whether a wall stands between two points.
 
         Parameters
         ----------
         x0, y0, x1, y1 : array_like, broadcastable
-            Ends of the segments.
+            Where one looks from, and where to.
 
         Returns
         -------
         array of bool
-            Shape as broadcast. Touching a face counts as meeting it; lying inside a wall without touching a
-            face does not.
+            Shape as broadcast. A face that passes through the second point itself does not count; one that
+            the line of sight merely touches before does.
         """
         ax, ay, bx, by = (
             array[..., np.newaxis]
             for array in np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (x0, y0, x1, y1)))
         )
-        cx, cy = self.start.T
-        dx, dy = self.end.T
-        a_side = _cross(cx, cy, dx, dy, ax, ay)
-        b_side = _cross(cx, cy, dx, dy, bx, by)
-        c_side = _cross(ax, ay, bx, by, cx, cy)
-        d_side = _cross(ax, ay, bx, by, dx, dy)
-        apart = (
-            (np.maximum(ax, bx) < np.minimum(cx, dx))
-            | (np.maximum(cx, dx) < np.minimum(ax, bx))
-            | (np.maximum(ay, by) < np.minimum(cy, dy))
-            | (np.maximum(cy, dy) < np.minimum(ay, by))
-        )
-        meets = (a_side * b_side <= 0.0) & (c_side * d_side <= 0.0) & ~apart
-        return np.asarray(meets.any(axis=-1))
+        dx, dy = bx - ax, by - ay
+        sx, sy = self.start[:, 0] - ax, self.start[:, 1] - ay
+        ex, ey = self.end[:, 0] - ax, self.end[:, 1] - ay
+        straddles = (dx * sy - dy * sx) * (dx * ey - dy * ex) <= 0.0
+        slope = dx * self.edge[:, 1] - dy * self.edge[:, 0]
+        # A face along the line of sight is met at a corner, where another face of its wall is met too.
+        usable = straddles & (slope != 0.0)
+        fraction = (sx * self.edge[:, 1] - sy * self.edge[:, 0]) / np.where(usable, slope, 1.0)
+        return np.asarray((usable & (fraction >= 0.0) & (fraction < 1.0 - _ROUNDING)).any(axis=-1))
 
-    def clearance(self, x0: ArrayLike, y0: ArrayLike, x1: ArrayLike, y1: ArrayLike) -> Floats:
-        """Distance from the nearest face to a straight segment.
+    def obstructs(
+        self, x0: ArrayLike, y0: ArrayLike, x1: ArrayLike, y1: ArrayLike, radius: float
+    ) -> Booleans:
+        """Whether a wall stops a disc that moves straight from one point to another.
 
         Parameters
         ----------
         x0, y0, x1, y1 : array_like, broadcastable
-            Ends of the segments.
+            The disc's centre at the start and at the end.
+        radius : float
+            Units.
 
         Returns
         -------
-        array
-            Units, shape as broadcast; 0 where the segment meets a face. A disc of a smaller radius can roll
-            along the segment.
+        array of bool
+            Shape as broadcast. Grazing a wall, within rounding, is not being stopped.
         """
-        ax, ay, bx, by = np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (x0, y0, x1, y1)))
-        ends = np.minimum(self.distance(ax, ay), self.distance(bx, by))
-        ex, ey = (bx - ax)[..., np.newaxis], (by - ay)[..., np.newaxis]
-        dx = self.corners[:, 0] - ax[..., np.newaxis]
-        dy = self.corners[:, 1] - ay[..., np.newaxis]
-        squared = ex * ex + ey * ey
-        along = np.clip((dx * ex + dy * ey) / np.where(squared > 0.0, squared, 1.0), 0.0, 1.0)
-        corners = np.hypot(dx - along * ex, dy - along * ey).min(axis=-1, initial=np.inf)
-        return np.asarray(np.where(self.blocked(ax, ay, bx, by), 0.0, np.minimum(ends, corners)))
+        ends = np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (x0, y0, x1, y1)))
+        ax, ay, bx, by = (array.reshape(-1, 1) for array in ends)
+        near = (
+            (np.minimum(self.start[:, 0], self.end[:, 0]) < np.maximum(ax, bx) + radius)
+            & (np.maximum(self.start[:, 0], self.end[:, 0]) > np.minimum(ax, bx) - radius)
+            & (np.minimum(self.start[:, 1], self.end[:, 1]) < np.maximum(ay, by) + radius)
+            & (np.maximum(self.start[:, 1], self.end[:, 1]) > np.minimum(ay, by) - radius)
+        )
+        segment, face = np.nonzero(near)
+        a = np.hstack((ax, ay))[segment]
+        b = np.hstack((bx, by))[segment]
+        c, d = self.start[face], self.end[face]
+        distance = np.minimum(
+            np.minimum(_point_segment(a, c, d), _point_segment(b, c, d)),
+            np.minimum(_point_segment(c, a, b), _point_segment(d, a, b)),
+        )
+        crosses = (_cross(b - a, c - a) * _cross(b - a, d - a) < 0.0) & (
+            _cross(d - c, a - c) * _cross(d - c, b - c) < 0.0
+        )
+        stopped = np.zeros(ax.size, np.bool_)
+        stopped[segment[crosses | (distance < radius - _GRAZE)]] = True
+        return stopped.reshape(ends[0].shape)
 
-    def inside_polygons(self, x: ArrayLike, y: ArrayLike) -> Booleans:
+    def point_in_polygons(self, x: ArrayLike, y: ArrayLike) -> Booleans:
         """Whether points lie inside any wall polygon of the lab, whatever its height, the border excluded.
 
         Parameters
@@ -195,24 +216,53 @@ class WallMap:
         px, py = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         inside = np.zeros(px.shape, np.bool_)
         for polygon in self.polygons:
-            inside |= point_in_polygon(polygon, px, py)
+            inside |= _point_in_polygon(polygon, px, py)
         return inside
 
 
-def point_in_polygon(polygon: Floats, x: Floats, y: Floats) -> Booleans:
-    """Whether points lie inside a polygon, by the even-odd rule.
+def face_distances(
+    x: Floats, y: Floats, start: Floats, end: Floats, direction: Floats, length: Floats
+) -> Floats:
+    """Distances of points to faces, by the arithmetic of the real simulator.
 
     Parameters
     ----------
-    polygon : array, shape (n, 2)
-        Corners in order.
-    x, y : array
-        Points, of one shape.
+    x, y : array, shape (n, 1)
+        Points.
+    start, end, direction : array, shape (faces, 2)
+    length : array, shape (faces,)
+        As in `WallMap`.
 
     Returns
     -------
-    array of bool, shape of x
+    array, shape (n, faces)
+        Units.
     """
+    dx, dy = x - start[:, 0], y - start[:, 1]
+    ex, ey = x - end[:, 0], y - end[:, 1]
+    ux, uy = direction[:, 0], direction[:, 1]
+    along = dx * ux + dy * uy
+    return np.where(
+        along < 0.0,
+        np.sqrt(dx * dx + dy * dy),
+        np.where(along > length, np.sqrt(ex * ex + ey * ey), np.abs(dx * uy - dy * ux)),
+    )
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _point_segment(point: Floats, start: Floats, end: Floats) -> Floats:
+    """Distances of points to segments, pair by pair; all of shape (n, 2)."""
+    edge, offset = end - start, point - start
+    squared = (edge * edge).sum(axis=1)
+    along = np.clip((offset * edge).sum(axis=1) / np.where(squared > 0.0, squared, 1.0), 0.0, 1.0)
+    rest = offset - along[:, np.newaxis] * edge
+    return np.asarray(np.hypot(rest[:, 0], rest[:, 1]))
+
+
+def _point_in_polygon(polygon: Floats, x: Floats, y: Floats) -> Booleans:
     x0, y0 = polygon.T
     x1, y1 = np.roll(polygon, -1, axis=0).T
     px, py = x[..., np.newaxis], y[..., np.newaxis]
@@ -223,6 +273,7 @@ def point_in_polygon(polygon: Floats, x: Floats, y: Floats) -> Booleans:
 
 
 def _faces(walls: list[Wall]) -> tuple[Floats, Floats]:
+    """Sides of the walls, without those between two corners that are the same point."""
     faces = [
         (*corner, *following)
         for wall in walls
@@ -231,7 +282,3 @@ def _faces(walls: list[Wall]) -> tuple[Floats, Floats]:
     ]
     array = np.array(faces, dtype=np.float64).reshape(-1, 4)
     return array[:, :2].copy(), array[:, 2:].copy()
-
-
-def _cross(ax: Floats, ay: Floats, bx: Floats, by: Floats, px: Floats, py: Floats) -> Floats:
-    return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
