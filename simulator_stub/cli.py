@@ -13,12 +13,12 @@ from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
 from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.net.address import DEFAULT_PORT
 
 if TYPE_CHECKING:
     from simulator_stub.server import Server
 
 PROGRAM = "ciberrato-simulator"
-DEFAULT_PORT = 6000
 DEFAULT_ANSWER_LIMIT = 1.0
 
 
@@ -39,12 +39,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with contextlib.suppress(ValueError):  # not in the main thread: whoever runs us there stops us otherwise
         signal.signal(signal.SIGTERM, _interrupt)
     try:
-        options = _parser().parse_args(arguments)
+        options = parse_arguments(arguments)
         # Only now, as these take a tenth of a second to import.
         from simulator_stub.assembly import build_server
 
-        server = build_server(options, print_line=_print_line, notify=_notifier(quiet=options.quiet))
-        return _serve(server)
+        notify = _notifier(quiet=options.quiet)
+        server = build_server(options, print_line=_print_line, notify=notify)
+        return _serve(server, notify)
     except KeyboardInterrupt:
         return 0
     except CiberratoError as error:
@@ -52,10 +53,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
 
 
-def _serve(server: Server) -> int:
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Parse a command line.
+
+    Raises
+    ------
+    UsageError
+        If it cannot be understood.
+    """
+    return _parser().parse_args(arguments)
+
+
+def _serve(server: Server, notify: Callable[[str], None]) -> int:
     try:
         with server.stopping_on_signals():
             server.run()
+            notify(f"ended at time {server.simulation.time}; {server.pace.late} cycles came late")
     finally:
         server.close()
     return 0

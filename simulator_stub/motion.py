@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ciberrato.collisions import find_collisions, settle
+from ciberrato.collisions import resolve_collisions, settle
 from ciberrato.kinematics import advance, filter_power
 from simulator_stub.robot_state import MOVING
 
@@ -29,7 +29,7 @@ def move(world: World, robots: Sequence[Robot]) -> None:
     deviation = world.parameters.motors_noise / 100.0
     for robot in robots:
         _run_motors(robot, deviation)
-    wall, robot_in_way = find_collisions(
+    wall, robot_in_way = resolve_collisions(
         world.walls,
         [(robot.x, robot.y, robot.heading) for robot in robots],
         [robot.wanted for robot in robots],

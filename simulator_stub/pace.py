@@ -12,9 +12,10 @@ Measures.
   `simulator_stub.seats.stands_alone`) may be followed by another: that one is waited for, but only for
   `SETTLE` seconds.
 - While the simulator does not run (before Start, in a pause, after the end) cycles are also at least
-  CycleTime / speed apart, so that nobody spins; robots are still waited for, with half the time limit, so
-  that the first running cycle finds their answers to all that came before. There is one exception: when the
-  automatic start is due the cycle that starts comes as soon as all have answered.
+  CycleTime / speed apart, so that nobody spins. Robots are still waited for, so that the first running cycle
+  finds their answers to all that came before, but not longer than `IDLE_LIMIT`, as some agents are silent
+  until the start, and not while somebody waits to be registered. When the automatic start is due the
+  cycle that starts comes as soon as all have answered.
 - With nobody to wait for, cycles keep the pace of real time.
 """
 
@@ -31,6 +32,9 @@ from simulator_stub.simulator_state import SimulatorState
 
 SETTLE = 0.002
 """Seconds that a message which does not look complete is given for its companion."""
+
+IDLE_LIMIT = 0.5
+"""Seconds that a robot is waited for at the most while the simulator does not run."""
 
 Poll = Callable[[float], bool]
 """Wait that many seconds for messages and deliver them; False when the server is to stop."""
@@ -123,22 +127,26 @@ class Lockstep(Pace):
         running = self.session.simulation.state is SimulatorState.RUNNING
         if not awaited:
             return self._wait_until_due(poll)
-        if not running and not self.session.start_is_due:
-            if not self._wait_until_due(poll):
-                return False
-        else:
-            self._due = self._clock()
-        return self._wait_for_answers(poll, awaited, self.limit if running else self.limit / 2.0)
+        spins_if_unchecked = not running and not self.session.start_is_due
+        if spins_if_unchecked and not self._wait_until_due(poll):
+            return False
+        going_on = self._wait_for_answers(poll, awaited, running=running)
+        # Ticks, if they are needed again, are reckoned from this cycle.
+        self._due = self._clock()
+        return going_on
 
-    def _wait_for_answers(self, poll: Poll, awaited: list[RobotSeat], limit: float) -> bool:
+    def _wait_for_answers(self, poll: Poll, awaited: list[RobotSeat], *, running: bool) -> bool:
+        limit = self.limit if running else min(self.limit, IDLE_LIMIT)
         deadline = self._clock() + limit
         # Look at least once, so that registrations, views and signals are noticed in any case.
-        wait = 0.0 if all(seat.answered for seat in awaited) else min(limit, 1.0)
+        wait = 0.0 if _all_answered(awaited) else min(limit, 1.0)
         while True:
             if not poll(wait):
                 return False
-            if all(seat.answered for seat in awaited):
+            if _all_answered(awaited):
                 return self._wait_for_companions(poll, awaited)
+            if not running and self.session.registrations_waiting:
+                return True
             left = deadline - self._clock()
             if left <= 0.0:
                 self._give_up(awaited)
@@ -156,9 +164,8 @@ class Lockstep(Pace):
         return True
 
     def _give_up(self, awaited: list[RobotSeat]) -> None:
-        self._due = self._clock()
         for seat in awaited:
-            if not seat.answered:
+            if not seat.answered and not seat.peer.closed:
                 seat.silent = True
                 if self.session.simulation.state is SimulatorState.RUNNING:
                     self._notify(f"robot {seat.robot_id} is silent and not waited for until it answers")
@@ -172,3 +179,7 @@ class Lockstep(Pace):
             and not seat.peer.closed
             and states[robot_id] not in (RobotState.FINISHED, RobotState.REMOVED)
         ]
+
+
+def _all_answered(awaited: list[RobotSeat]) -> bool:
+    return all(seat.answered or seat.peer.closed for seat in awaited)

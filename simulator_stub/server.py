@@ -76,20 +76,32 @@ class Server:
     ) -> None:
         self.session = session
         self.pace = pace
+        self.simulation = session.simulation
         self._transports = transports
         self._selector = selectors.DefaultSelector()
         self._stopping = False
+        # Waiting ends when something is written here: by `stop`, and by Python when a signal arrives.
+        self._wake_up, self._alarm = socket.socketpair()
+        for end in (self._wake_up, self._alarm):
+            end.setblocking(False)
+        self._selector.register(self._wake_up, selectors.EVENT_READ, self._drain)
         for transport in transports:
             transport.serve(self._selector, session.welcome)
 
     def run(self) -> None:
-        """Serve until `stop` is called or a signal says so."""
+        """Serve until `stop` is called."""
         while self.pace.wait(self._poll):
             self.session.cycle()
 
     def stop(self) -> None:
-        """Let `run` return at once, without another cycle; for signal handlers and for what `run` calls."""
+        """Let `run` return without another cycle; may be called from anywhere."""
         self._stopping = True
+        with contextlib.suppress(OSError):  # full: then it is going to wake up anyway
+            self._alarm.send(b"\0")
+
+    def _drain(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            self._wake_up.recv(4096)
 
     def _poll(self, timeout: float) -> bool:
         if not self._stopping:
@@ -99,13 +111,9 @@ class Server:
 
     @contextlib.contextmanager
     def stopping_on_signals(self) -> Iterator[None]:
-        """Let SIGINT and SIGTERM stop the server while the block runs."""
-        reader, writer = socket.socketpair()
-        reader.setblocking(False)
-        writer.setblocking(False)
-        before_fd = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+        """Let SIGINT and SIGTERM stop the server while the block runs; only in the main thread."""
+        before_alarm = signal.set_wakeup_fd(self._alarm.fileno(), warn_on_full_buffer=False)
         before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-        self._selector.register(reader, selectors.EVENT_READ, lambda: reader.recv(4096))
         for number in before:
             signal.signal(number, lambda *_: self.stop())
         try:
@@ -113,10 +121,7 @@ class Server:
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
-            signal.set_wakeup_fd(before_fd)
-            self._selector.unregister(reader)
-            reader.close()
-            writer.close()
+            signal.set_wakeup_fd(before_alarm)
 
     def close(self) -> None:
         """Finish the records and close all sockets."""
@@ -124,3 +129,5 @@ class Server:
         for transport in self._transports:
             transport.close()
         self._selector.close()
+        self._wake_up.close()
+        self._alarm.close()

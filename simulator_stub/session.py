@@ -120,11 +120,17 @@ class Session:
         """Do one cycle."""
         simulation = self.simulation
         before = simulation.state
+        # Judged before anybody registers in this cycle: so every robot sees a stopped cycle first, however
+        # registrations and cycles fall together.
+        start = self.start_is_due and before is SimulatorState.STOPPED
         simulation.begin_cycle()
         self._read_actions()
         for recorder in self.recorders:
             recorder.actions_read(simulation)
         self._check_in()
+        if start:
+            self._autostarted = True
+            simulation.start()
         self._read_commands()
         for robot_id, measures in simulation.advance().items():
             seat = self.robots[robot_id]
@@ -186,10 +192,6 @@ class Session:
         self._notify(f"robot {robot_id}, {registration.name!r}, registered from {peer.label}")
 
     def _read_commands(self) -> None:
-        # Judged by the state before this cycle: whatever is read in the first cycle comes too early.
-        if self.start_is_due and self.simulation.state is SimulatorState.STOPPED:
-            self._autostarted = True
-            self.simulation.start()
         for view in tuple(self.views):
             while view.messages:
                 message = view.messages.popleft()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, sensor_distances
+from ciberrato.infrared import ideal_reading, other_robot_distance, sensor_distances
 from ciberrato.lab import Beacon, Lab, Wall
 from ciberrato.labfile import read_lab
 from ciberrato.parameters import Parameters
@@ -23,7 +23,6 @@ from ciberrato.protocol import (
 )
 from ciberrato.startgrid import GridPosition, StartGrid
 from simulator_stub.floor import Floor
-from simulator_stub.sensors.infrared import other_robot_distance
 from simulator_stub.simulation import Simulation
 from simulator_stub.simulator_state import SimulatorState
 
@@ -427,7 +426,7 @@ def test_lines_and_walls_are_seen_on_the_floor_but_not_the_border(quiet: Paramet
     floor, walls = Floor(lab), WallMap.from_lab(lab)
     points = np.random.default_rng(0).uniform(3.0, 9.0, (2000, 2))
     marked = [floor.is_marked(x, y) for x, y in points]
-    assert marked == walls.inside_polygons(points[:, 0], points[:, 1]).tolist()
+    assert marked == walls.point_in_polygons(points[:, 0], points[:, 1]).tolist()
     assert 10 < sum(marked) < 200
     readings = []
     poses = ((5.0, 4.0, 0.0), (5.0, 3.92, 0.0), (5.0, 4.08, 180.0), (5.0, 8.0, 0.0), (19.9, 9.0, 0.0))

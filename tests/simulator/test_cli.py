@@ -1,0 +1,178 @@
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ciberrato.gridfile import default_grid, read_grid
+from ciberrato.labfile import default_lab, read_lab
+from ciberrato.net import UdpLink
+from ciberrato.parameters import Parameters
+from ciberrato.protocol import Actions, RobotRegistration, encode
+from maps import find_grid, find_lab
+from simulator_stub.assembly import read_world
+from simulator_stub.cli import main, parse_arguments
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+def world_of(*arguments: str) -> tuple[object, object, Parameters]:
+    return read_world(parse_arguments(arguments), lambda line: None)
+
+
+def test_without_options_the_world_is_the_real_simulators() -> None:
+    assert world_of() == (default_lab(), default_grid(), Parameters())
+
+
+def test_files_are_found_by_name_and_by_path_and_announced_as_given() -> None:
+    path = str(find_grid("corridors"))
+    lab, grid, parameters = world_of("--lab", "corridors", "--grid", path, "--param", "harsh")
+    assert (lab, grid) == (read_lab(find_lab("corridors")), read_grid(path))
+    assert (parameters.motors_noise, parameters.lab_file, parameters.grid_file) == (5.0, "corridors", path)
+
+
+def test_poses_may_be_given_in_place_and_are_not_announced() -> None:
+    _, grid, parameters = world_of("--grid", "5,7,0; 9.5,-3,-90.5;")
+    positions = [(p.x, p.y, p.direction) for p in grid.positions]  # type: ignore[attr-defined]
+    assert positions == [(5.0, 7.0, 0.0), (9.5, -3.0, -90.5)]
+    assert parameters.grid_file is None
+
+
+def test_what_the_parameter_file_names_is_read_unless_the_command_line_says_otherwise(tmp_path: Path) -> None:
+    file = tmp_path / "params.xml"
+    file.write_text('<Parameters SimTime="77" Lab="maze" Grid="rooms"/>')
+    lab, grid, parameters = world_of("--param", str(file))
+    assert (lab, grid) == (read_lab(find_lab("maze")), read_grid(find_grid("rooms")))
+    assert (parameters.sim_time, parameters.lab_file, parameters.grid_file) == (77, "maze", "rooms")
+    lab, grid, parameters = world_of("--param", str(file), "--lab", "open", "--grid", "1,1,0")
+    assert lab == read_lab(find_lab("open"))
+    assert (parameters.lab_file, parameters.grid_file) == ("open", None)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--port", "70000"],
+        ["--port", "x"],
+        ["--seed", "-1"],
+        ["--speed", "0"],
+        ["--speed", "nan"],
+        ["--speed", "inf"],
+        ["--answer-limit", "0"],
+        ["--autostart", "-2"],
+        ["--scoring", "99"],
+        ["--no-such-option"],
+        ["stray"],
+        ["--lab", "no-such-lab"],
+        ["--grid", "1,2"],
+        ["--param", "/"],
+        ["--truth", "/no/such/folder/truth.csv"],
+        ["--bind", "192.0.2.1"],
+        ["--bind", "no such host"],
+    ],
+)
+def test_what_cannot_be_used_is_one_line_and_exit_status_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        where = [] if "--bind" in arguments else ["--bind", "127.0.0.1"]
+        port = [] if "--port" in arguments else ["--port", "0"]
+        assert main([*where, *port, *arguments]) == 2
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("ciberrato-simulator: ")
+    assert err.count("\n") == 1
+
+
+def test_a_port_in_use_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = signal.getsignal(signal.SIGTERM)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("127.0.0.1", 0))
+        port = holder.getsockname()[1]
+        try:
+            assert main(["--bind", "127.0.0.1", "--port", str(port)]) == 2
+        finally:
+            signal.signal(signal.SIGTERM, handler)
+    err = capsys.readouterr().err
+    assert err == f"ciberrato-simulator: cannot listen on udp 127.0.0.1:{port}: Address already in use\n"
+
+
+class Process:
+    """The simulator as a process of its own."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "simulator_stub", "--bind", "127.0.0.1", "--port", "0", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=REPOSITORY,
+            env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        )
+
+    def lines(self, count: int) -> list[str]:
+        assert self.process.stdout is not None
+        return [self.process.stdout.readline().rstrip("\n") for _ in range(count)]
+
+    def finish(self, number: signal.Signals) -> tuple[int, str, str]:
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=10)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def processes() -> Iterator[list[Process]]:
+    started: list[Process] = []
+    yield started
+    for each in started:
+        if each.process.poll() is None:
+            each.process.kill()
+        each.process.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_cleanly_in_the_middle_of_a_run(
+    number: signal.Signals, processes: list[Process], tmp_path: Path
+) -> None:
+    truth = tmp_path / "truth.csv"
+    simulator = Process("--truth", str(truth), "--autostart", "1", "--lockstep", "--answer-limit", "inf")
+    processes.append(simulator)
+    seed, udp, tcp = simulator.lines(3)
+    assert seed.startswith("seed ")
+    assert int(seed.split()[1]) >= 0
+    assert udp.startswith("listening on udp 127.0.0.1:")
+    assert tcp.startswith("listening on tcp 127.0.0.1:")
+    port = int(udp.rsplit(":", 1)[1])
+    assert tcp.endswith(f":{port}")
+    with UdpLink("127.0.0.1", port) as link:
+        link.register(encode(RobotRegistration(name="santos")))
+        # A Reply, Time 0 twice, then Times 1 to 10: it now waits, for ever, for an answer.
+        for _ in range(1 + 2 + 10):
+            assert link.receive(10.0) is not None
+            link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
+        status, out, err = simulator.finish(number)
+    assert (status, out) == (0, "")
+    assert "Traceback" not in err
+    assert "'santos'" in err
+    lines = truth.read_text().splitlines()
+    assert len({len(line.split(",")) for line in lines}) == 1
+    assert lines[11].startswith("10,1,")
+
+
+def test_signals_at_any_moment_of_the_start_end_it_quietly(processes: list[Process]) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        simulator = Process()
+        processes.append(simulator)
+        simulator.lines(1)
+        status, _, err = simulator.finish(number)
+        assert status == 0
+        assert "Traceback" not in err
