@@ -45,12 +45,15 @@ class Session:
         In the order of the recording.
     output : str
         What the real simulator printed; its complaints are always there, since they are not buffered.
+    died : bool
+        Whether the real simulator came to an end by itself, with datagrams unread.
     """
 
     name: str
     from_clients: tuple[Datagram, ...]
     from_simulator: tuple[Datagram, ...]
     output: str
+    died: bool
 
 
 def read_session(path: Path) -> Session:
@@ -58,13 +61,14 @@ def read_session(path: Path) -> Session:
     with gzip.open(path, "rt", encoding="utf-8") as lines:
         events = [json.loads(line) for line in lines]
     name = path.name.removesuffix(".jsonl.gz")
-    from_clients, from_simulator, output = [], [], ""
+    from_clients, from_simulator, output, died = [], [], "", False
     ports = _Ports(_raw(event) for event in events)
     for number, event in enumerate(events, 1):
         source = f"{name}:{number}"
         if event["direction"] == "note":
             if _OUTPUT_MARK in event["text"]:
                 output = event["text"]
+            died = died or "still alive at end: False" in event["text"]
         elif event["direction"] == "client->sim":
             data = _raw(event)[3]
             port = ports.of_client_datagram(event["to_port"], data)
@@ -73,7 +77,11 @@ def read_session(path: Path) -> Session:
             port = ports.kinds.get(event["from_port"], "nobody")
             from_simulator.append(Datagram(source=source, data=_raw(event)[3], port=port))
     return Session(
-        name=name, from_clients=tuple(from_clients), from_simulator=tuple(from_simulator), output=output
+        name=name,
+        from_clients=tuple(from_clients),
+        from_simulator=tuple(from_simulator),
+        output=output,
+        died=died,
     )
 
 
@@ -92,7 +100,11 @@ def read_seed_run(folder: Path) -> Session:
                 port: Port = "robot" if from_clients else "main"
                 from_clients.append(Datagram(source=source, data=data, port=port))
     return Session(
-        name=folder.name, from_clients=tuple(from_clients), from_simulator=tuple(from_simulator), output=""
+        name=folder.name,
+        from_clients=tuple(from_clients),
+        from_simulator=tuple(from_simulator),
+        output="",
+        died=False,
     )
 
 
