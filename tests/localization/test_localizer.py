@@ -7,6 +7,7 @@ import pytest
 
 from agent.ground_truth import GroundTruth
 from agent.localizer import localize
+from benchmarks.enumeration import enumerate_starts, rounded_probability
 
 SIGMA = 0.1
 
@@ -26,63 +27,6 @@ def table(generator, *, rows=3, columns=5, errors=1, closed=0.3, free=None):
         weights=weights / weights.sum(),
         spread=spread,
     )
-
-
-def gaussian_tail(x):
-    return 0.5 * math.erfc(x / math.sqrt(2))
-
-
-def rounded_probability(reading, ideal):
-    """P(floor(10 (ideal + noise) + 0.5) / 10 = reading), from the tail that keeps its digits."""
-    low, high = (reading - 0.05 - ideal) / SIGMA, (reading + 0.05 - ideal) / SIGMA
-    if low > 0:
-        return gaussian_tail(low) - gaussian_tail(high)
-    return gaussian_tail(-high) - gaussian_tail(-low)
-
-
-def seed_density(reading, ideal):
-    return math.exp(-((reading - ideal) ** 2) / (2 * 0.1))
-
-
-def likelihood(preset, truth, step, cell, reading):
-    if preset == "seed":
-        return math.prod(
-            seed_density(z, truth.readings[cell][i]) for i, z in enumerate(reading) if z is not None
-        )
-    if step == 0 or truth.spread is None:
-        candidates = [(1.0, truth.readings[cell])]
-    else:
-        candidates = [(w, truth.spread[k][cell]) for k, w in enumerate(truth.weights)]
-    return sum(
-        w * math.prod(rounded_probability(z, ideal[i]) for i, z in enumerate(reading) if z is not None)
-        for w, ideal in candidates
-    )
-
-
-def enumerate_starts(preset, truth, readings):
-    """The posterior after each step, from the weight of every start cell."""
-    rows, columns = truth.free.shape
-    posteriors = []
-    for last in range(len(readings)):
-        posterior = np.zeros((rows, columns))
-        for row in range(rows):
-            for start in range(columns):
-                if preset == "calibrated" and not truth.free[row, start]:
-                    continue
-                weight = 1.0
-                for step in range(last + 1):
-                    column = start + step
-                    blocked = (
-                        preset == "calibrated" and step and not truth.east[row, min(column, columns - 1) - 1]
-                    )
-                    if column >= columns or blocked:
-                        weight = 0.0
-                        break
-                    weight *= likelihood(preset, truth, step, (row, column), readings[step])
-                if weight:
-                    posterior[row, start + last] = weight
-        posteriors.append(posterior / posterior.sum())
-    return np.array(posteriors)
 
 
 def drive(generator, truth, steps):
@@ -109,9 +53,8 @@ def test_the_beliefs_equal_those_of_the_enumeration_of_all_start_cells(preset, e
     readings[1][2] = None  # a sensor that did not answer
     found = localize(readings, truth, preset=preset, obstacle_noise=SIGMA)
     assert found.recoveries == ()
-    np.testing.assert_allclose(
-        found.beliefs[1:], enumerate_starts(preset, truth, readings), rtol=1e-9, atol=1e-15
-    )
+    expected = enumerate_starts(readings, truth, preset=preset, sigma=SIGMA)
+    np.testing.assert_allclose(found.beliefs[1:], expected, rtol=1e-9, atol=1e-15)
 
 
 def test_the_evidence_is_the_probability_of_the_readings():
@@ -120,7 +63,11 @@ def test_the_evidence_is_the_probability_of_the_readings():
     readings = drive(generator, truth, 3).tolist()
     rows, columns = truth.free.shape
     total = sum(
-        math.prod(likelihood("calibrated", truth, k, (row, start + k), z) for k, z in enumerate(readings))
+        math.prod(
+            rounded_probability(value, truth.readings[row, start + k, i], SIGMA)
+            for k, reading in enumerate(readings)
+            for i, value in enumerate(reading)
+        )
         for row in range(rows)
         for start in range(columns - 2)
     ) / (rows * columns)
