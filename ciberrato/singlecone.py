@@ -43,23 +43,26 @@ def single_cone_distance(walls: WallMap, x: float, y: float, direction: float) -
         area = dx * ey - dy * ex
         if not -nearest * length < area < nearest * length:
             continue  # even the line through the face is too far away
+        v, ve = dy * cosine - dx * sine, ey * cosine - ex * sine
+        u_tan, ue_tan = (dx * cosine + dy * sine) * _TAN, (ex * cosine + ey * sine) * _TAN
+        lo, lo_slope = v - u_tan, ve - ue_tan
+        hi, hi_slope = v + u_tan, ve + ue_tan
+        lo_end, hi_end = lo + lo_slope, hi + hi_slope
         if -IN_LINE < area < IN_LINE:
             if dx * dx + dy * dy + dx * ex + dy * ey <= IN_LINE:
                 return distance_by_angles(walls.nearby, x, y, direction)
             area = math.inf  # seen edge-on, a face counts by its corners alone
-        u_tan, ue_tan = (dx * cosine + dy * sine) * _TAN, (ex * cosine + ey * sine) * _TAN
-        if u_tan <= 0.0 and u_tan + ue_tan <= 0.0:
-            continue
-        v, ve = dy * cosine - dx * sine, ey * cosine - ex * sine
-        if -u_tan <= v <= u_tan:
-            nearest = min(nearest, math.sqrt(dx * dx + dy * dy))
+        elif (lo > 0.0 and lo_end > 0.0) or (hi <= 0.0 and hi_end <= 0.0):
+            continue  # beside the cone, or behind
+        if lo <= 0.0 < hi:
+            distance = math.sqrt(dx * dx + dy * dy)
+            if distance < nearest:
+                nearest = distance
         if (v > 0.0) != (v + ve > 0.0) and 0.0 <= area / ve < nearest:
             nearest = area / ve
-        lo, lo_slope = v - u_tan, ve - ue_tan
-        if (lo > 0.0) != (lo + lo_slope > 0.0) and 0.0 <= area / (lo_slope * _COS) < nearest:
+        if (lo > 0.0) != (lo_end > 0.0) and 0.0 <= area / (lo_slope * _COS) < nearest:
             nearest = area / (lo_slope * _COS)
-        hi, hi_slope = v + u_tan, ve + ue_tan
-        if (hi > 0.0) != (hi + hi_slope > 0.0) and 0.0 <= area / (hi_slope * _COS) < nearest:
+        if (hi > 0.0) != (hi_end > 0.0) and 0.0 <= area / (hi_slope * _COS) < nearest:
             nearest = area / (hi_slope * _COS)
     if nearest > reach:
         # The list ends before the nearest wall: a lab with very many faces, and a long view.
