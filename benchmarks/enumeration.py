@@ -59,7 +59,7 @@ def _log_likelihood(
     seen = [(index, value) for index, value in enumerate(reading) if value is not None]
     if preset == "seed":
         ideal = truth.readings[cell]
-        return -sum((value - ideal[index]) ** 2 for index, value in seen) / (2 * 0.1)
+        return -math.fsum((value - ideal[index]) ** 2 for index, value in seen) / (2 * 0.1)
     if step == 0 or truth.spread is None:
         candidates = [(1.0, truth.readings[cell])]
     else:
