@@ -198,7 +198,9 @@ def decode_view_command(data: bytes, *, limit: int | None = VIEW_COMMAND_LIMIT) 
 
 def _refuse_children(element: Element) -> None:
     if element.children:
-        raise ProtocolError(f"{shown(element.name)}: child element {shown(element.children[0].name)} is not known")
+        raise ProtocolError(
+            f"{shown(element.name)}: child element {shown(element.children[0].name)} is not known"
+        )
 
 
 def _motor(attributes: dict[str, str], name: str) -> float | None:
