@@ -1,7 +1,7 @@
 """Messages on a stream."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciberrato.errors import ProtocolError
@@ -10,6 +10,7 @@ from ciberrato.protocol import MessageSplitter
 messages = st.lists(st.binary(max_size=30).map(lambda data: data.replace(b"\0", b"") + b"\0"), max_size=20)
 
 
+@settings(deadline=None)
 @given(messages, st.binary(max_size=5).map(lambda data: data.replace(b"\0", b"")), st.data())
 def test_however_a_stream_is_cut_the_same_messages_come_out(sent, rest, data):
     stream = b"".join(sent) + rest

@@ -37,7 +37,7 @@ def decode_all(data):
     return taken
 
 
-@settings(max_examples=400)
+@settings(max_examples=400, deadline=None)
 @given(st.binary(max_size=300))
 def test_random_bytes(data):
     decode_all(data)
@@ -108,7 +108,7 @@ def documents(draw, depth=0):
     return f"<{name}{text}>{''.join(inside)}</{name}>"
 
 
-@settings(max_examples=400)
+@settings(max_examples=400, deadline=None)
 @given(documents(), st.sampled_from(["utf-8", "latin-1", "utf-16"]))
 def test_random_documents_of_the_protocols_words(document, encoding):
     decode_all(document.encode(encoding, "replace"))

@@ -4,7 +4,7 @@ import math
 import xml.sax
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
@@ -179,21 +179,25 @@ simulator_messages = st.one_of(
 # --- the tests
 
 
+@settings(deadline=None)
 @given(registrations)
 def test_registrations_come_back(message):
     assert decode_registration(encode(message)) == message
 
 
+@settings(deadline=None)
 @given(actions)
 def test_actions_come_back_with_every_bit_of_the_motor_commands(message):
     assert decode_actions(encode(message)) == message
 
 
+@settings(deadline=None)
 @given(view_commands)
 def test_view_commands_come_back(message):
     assert decode_view_command(encode(message)) == message
 
 
+@settings(deadline=None)
 @given(simulator_messages)
 def test_simulator_messages_come_back(message):
     data = encode(message)
@@ -201,6 +205,7 @@ def test_simulator_messages_come_back(message):
     assert encode(decode_simulator_message(data)) == data
 
 
+@settings(deadline=None)
 @given(simulator_messages)
 def test_clients_that_drop_one_byte_or_stop_at_the_nul_can_read_what_simulators_send(message):
     data = encode(message)
@@ -210,6 +215,7 @@ def test_clients_that_drop_one_byte_or_stop_at_the_nul_can_read_what_simulators_
     etree.fromstring(data.rstrip(b"\0"))
 
 
+@settings(deadline=None)
 @given(st.one_of(registrations, actions, view_commands))
 def test_what_clients_send_is_xml_with_one_nul_at_the_end(message):
     data = encode(message)
@@ -217,6 +223,7 @@ def test_what_clients_send_is_xml_with_one_nul_at_the_end(message):
     etree.fromstring(data.rstrip(b"\0"))
 
 
+@settings(deadline=None)
 @given(measures)
 def test_the_short_way_of_measures_agrees_with_the_xml_parser(message):
     data = encode(message)
@@ -226,6 +233,7 @@ def test_the_short_way_of_measures_agrees_with_the_xml_parser(message):
     assert short_way is None or short_way == long_way
 
 
+@settings(deadline=None)
 @given(measures.filter(lambda m: not m.messages))
 def test_measures_without_odd_text_take_the_short_way(message):
     plain = all(value is None or abs(value) < 1e18 for value in (message.compass, *message.infrared))
@@ -237,6 +245,7 @@ def test_measures_without_odd_text_take_the_short_way(message):
         assert measures_from_layout(encode(message)) == message
 
 
+@settings(deadline=None)
 @given(actions)
 def test_the_short_way_of_actions_agrees_with_the_xml_parser(message):
     data = encode(message)
@@ -244,6 +253,7 @@ def test_the_short_way_of_actions_agrees_with_the_xml_parser(message):
     assert decode_actions(b"<!-- -->" + data) == decode_actions(data)
 
 
+@settings(deadline=None)
 @given(measures, st.sampled_from([math.nan, -math.nan]), st.integers(0, 3))
 def test_not_a_number_keeps_its_sign_on_the_wire(message, nan, sensor):
     infrared = tuple(nan if index == sensor else 1.5 for index in range(4))
