@@ -13,7 +13,6 @@ from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
 from ciberrato.errors import CiberratoError, UsageError
-from ciberrato.net.address import DEFAULT_PORT
 
 if TYPE_CHECKING:
     from simulator_stub.server import Server
@@ -97,6 +96,8 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
+    from ciberrato.net.address import DEFAULT_PORT  # brings in the whole codec
+
     parser = _Parser(
         prog=PROGRAM,
         description="A CiberRato simulator without a window: the wire protocol of the real one, and a seed.",

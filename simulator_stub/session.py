@@ -55,7 +55,7 @@ class Recorder(Protocol):
         """Look at a cycle after the actions are read, before anything moves."""
 
     def cycle_done(self, simulation: Simulation) -> None:
-        """Look at a cycle after everything has moved and been measured, before states change."""
+        """Look at a cycle after everything has moved and been measured, before anybody is told."""
 
     def close(self) -> None:
         """Finish the record."""
@@ -132,7 +132,10 @@ class Session:
             self._autostarted = True
             simulation.start()
         self._read_commands()
-        for robot_id, measures in simulation.advance().items():
+        measured = simulation.advance()
+        for recorder in self.recorders:
+            recorder.cycle_done(simulation)
+        for robot_id, measures in measured.items():
             seat = self.robots[robot_id]
             # What could not be read yet counts as an answer to these Measures.
             seat.answered = bool(seat.messages)
@@ -142,8 +145,6 @@ class Session:
             for view in self.views:
                 for status in statuses:
                     view.peer.send(status)
-        for recorder in self.recorders:
-            recorder.cycle_done(simulation)
         simulation.end_cycle()
         if simulation.state is not before:
             self._state_changed()

@@ -155,17 +155,22 @@ def test_signals_end_it_cleanly_in_the_middle_of_a_run(
     assert tcp.endswith(f":{port}")
     with UdpLink("127.0.0.1", port) as link:
         link.register(encode(RobotRegistration(name="santos")))
-        # A Reply, Time 0 twice, then Times 1 to 10: it now waits, for ever, for an answer.
-        for _ in range(1 + 2 + 10):
+        assert link.receive(10.0) is not None
+        # Time 0 twice, then times 1 to 10: it then waits, for ever, for an answer.
+        for _ in range(2 + 9):
             assert link.receive(10.0) is not None
             link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
+        last = link.receive(10.0)
+        assert last is not None
+        assert b'<Measures Time="10">' in last
+        lines = truth.read_text().splitlines()
+        assert lines[-1].startswith("10,1,"), "what robots have been told is in the file"
         status, out, err = simulator.finish(number)
     assert (status, out) == (0, "")
     assert "Traceback" not in err
     assert "'santos'" in err
-    lines = truth.read_text().splitlines()
-    assert len({len(line.split(",")) for line in lines}) == 1
-    assert lines[11].startswith("10,1,")
+    assert truth.read_text().splitlines() == lines
+    assert {len(line.split(",")) for line in lines} == {6}
 
 
 def test_signals_at_any_moment_of_the_start_end_it_quietly(processes: list[Process]) -> None:

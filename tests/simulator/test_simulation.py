@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import copy
 import csv
+import doctest
 import gzip
 import math
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import simulator_stub.simulation
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import ideal_reading, other_robot_distance, sensor_distances
 from ciberrato.lab import Beacon, Lab, Wall
@@ -436,3 +438,9 @@ def test_lines_and_walls_are_seen_on_the_floor_but_not_the_border(quiet: Paramet
         simulation.register(RobotRegistration())
         readings.append(simulation.step()[1].line)
     assert readings == ["0011100", "0111000", "0111000", "0011100", "0000000"]
+
+
+def test_the_example_in_the_documentation_of_the_class() -> None:
+    failures, tried = doctest.testmod(simulator_stub.simulation)
+    assert tried >= 7
+    assert failures == 0
