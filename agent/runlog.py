@@ -12,7 +12,7 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from ciberrato.errors import LabError
 from ciberrato.parameters import Parameters
@@ -47,6 +47,8 @@ class RunHeader:
         Mounting angles of the four IR sensors in degrees, counter-clockwise from the front.
     preset : str
         Filter preset asked for, ``seed`` or ``calibrated``.
+    distance_model : str
+        What a sensor is taken to measure, ``sensor`` or ``cone``; see `agent.ground_truth`.
     seed : int or None
         Seed of the simulation where the caller told it; the agent draws no random numbers.
     robot_name : str
@@ -64,7 +66,8 @@ class RunHeader:
     parameters: Parameters
     n_beacons: int = 0
     sensor_angles: tuple[float, float, float, float]
-    preset: str = "calibrated"
+    preset: Literal["seed", "calibrated"] = "calibrated"
+    distance_model: Literal["sensor", "cone"] = "sensor"
     seed: int | None = None
     robot_name: str = ""
     robot_position: int = 0
@@ -335,6 +338,8 @@ _CHECKS: dict[str, Callable[[Any], bool]] = {
     "float": _is_number,
     "bool": lambda value: isinstance(value, bool),
     "str": lambda value: isinstance(value, str),
+    'Literal["seed", "calibrated"]': lambda value: value in ("seed", "calibrated"),
+    'Literal["sensor", "cone"]': lambda value: value in ("sensor", "cone"),
     "Parameters": lambda value: isinstance(value, Parameters),
     "Readings": lambda value: _is_array(value, 4, gaps=True),
     "tuple[bool, bool, bool]": lambda value: (

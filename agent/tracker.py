@@ -67,7 +67,7 @@ class CellTracker:
     """
 
     def __init__(self, parameters: Parameters, angles: tuple[float, float, float, float]) -> None:
-        self._parameters = parameters
+        self.parameters = parameters
         self._roles = tuple(_role(angle) for angle in angles)
         self._variance = reading_variance(parameters.obstacle_noise)
         self._compass_variance = (parameters.compass_noise**2 + 1.0 / 12.0) * _DEGREE**2
@@ -115,6 +115,11 @@ class CellTracker:
     def at_rest(self) -> bool:
         """Whether the robot stands, as far as the commands say."""
         return max(abs(self._filter.left), abs(self._filter.right)) < _AT_REST
+
+    @property
+    def rest(self) -> int:
+        """Messages in a row since which the robot stands."""
+        return self._rest
 
     @property
     def way_left(self) -> float:
@@ -167,7 +172,7 @@ class CellTracker:
         self._rest = self._rest + 1 if self.at_rest else 0
 
     def _listen_to_compass(self, degrees: float | None) -> None:
-        latency = self._parameters.compass_latency
+        latency = self.parameters.compass_latency
         if degrees is None or self._messages <= latency:
             return
         if not self._moved:
@@ -191,7 +196,7 @@ class CellTracker:
         mean = _wrapped(self._compass_first * _DEGREE + self._compass_sum / self._compass_count)
         deviation = math.sqrt(self._compass_variance / self._compass_count)
         right_angle = round(mean / (math.pi / 2.0)) * math.pi / 2.0
-        noisy = 1.0 if self._parameters.motors_noise > 0.0 else 0.0
+        noisy = 1.0 if self.parameters.motors_noise > 0.0 else 0.0
         if abs(mean - right_angle) <= 3.0 * deviation + _DEGREE:
             heading, deviation = _wrapped(right_angle), 0.5 * _DEGREE * noisy
         else:
@@ -199,7 +204,7 @@ class CellTracker:
         self._filter.place(Pose(0.0, 0.0, heading), (0.0, 0.02 * noisy, deviation))
 
     def _look_at_walls(self, measures: Measures) -> None:
-        latency = self._parameters.obstacle_latency
+        latency = self.parameters.obstacle_latency
         if self._messages <= latency:
             return
         assert self._time is not None
@@ -216,14 +221,14 @@ class CellTracker:
                 self._ahead.observe(reading, pose, self.deviations)
 
     def _crossing(self, measures: Measures) -> Crossing | None:
-        if self._messages <= self._parameters.obstacle_latency:
+        if self._messages <= self.parameters.obstacle_latency:
             return None
-        pose = self._filter.pose(self._parameters.obstacle_latency)
+        pose = self._filter.pose(self.parameters.obstacle_latency)
         readings = self._readings()
         if self._step == 0:
             if not (self.at_rest and self.aligned):
                 return None
-            if None in readings and self._messages <= self._parameters.obstacle_latency + _PATIENCE:
+            if None in readings and self._messages <= self.parameters.obstacle_latency + _PATIENCE:
                 return None
         else:
             missing = CELL_SIZE * self._step - pose.along

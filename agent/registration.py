@@ -1,0 +1,129 @@
+"""Gets the robot into the simulation: asks again and again until a simulator answers."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from agent.reporter import Reporter
+from agent.signals import Interrupts
+from ciberrato.errors import ProtocolError, UsageError
+from ciberrato.net.link import Link, LinkError
+from ciberrato.protocol import Acceptance, Refusal, RobotRegistration, decode_simulator_message, encode
+
+FIRST_WAIT = 1.0
+"""Seconds until the second attempt. The simulator answers within a cycle; asking again before it could
+means being refused, or taking a second place."""
+
+LONGEST_WAIT = 5.0
+_REMINDER = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The simulator has accepted the robot.
+
+    Attributes
+    ----------
+    acceptance : Acceptance
+    following : tuple of bytes
+        Messages that came right behind it.
+    """
+
+    acceptance: Acceptance
+    following: tuple[bytes, ...]
+
+
+def register(
+    link: Link,
+    registration: RobotRegistration,
+    place: str,
+    interrupts: Interrupts,
+    reporter: Reporter,
+    *,
+    give_up_after: float | None = None,
+    when_sent: Callable[[], None] | None = None,
+) -> Answer | None:
+    """Register a robot.
+
+    Parameters
+    ----------
+    link : Link
+    registration : RobotRegistration
+    place : str
+        The simulator's address, for messages.
+    interrupts : Interrupts
+    reporter : Reporter
+    give_up_after : float or None
+        Seconds.
+    when_sent : callable or None
+        Called once, after the first attempt: what can be prepared while the simulator thinks.
+
+    Returns
+    -------
+    Answer or None
+        None if a signal came first.
+
+    Raises
+    ------
+    UsageError
+        If the robot is refused, or nobody answers in time.
+    """
+    data = encode(registration)
+    began = time.monotonic()
+    end = math.inf if give_up_after is None else began + give_up_after
+    wait, next_try, reminder = FIRST_WAIT, began, began + FIRST_WAIT
+    while not interrupts.received:
+        now = time.monotonic()
+        if now >= end:
+            raise UsageError(f"no simulator has answered at {place} in {give_up_after:g} s")
+        if now >= next_try:
+            _attempt(link, data, reporter)
+            if when_sent is not None:
+                when_sent()
+                when_sent = None
+            next_try = time.monotonic() + wait
+            wait = min(1.5 * wait, LONGEST_WAIT)
+        try:
+            messages = link.receive_waiting()
+            watched: int | None = link.fileno()
+        except LinkError:  # nobody is there, or no longer: wait for the next attempt
+            messages, watched = [], None
+        answer = _find_answer(messages, registration, place, reporter)
+        if answer is not None:
+            return answer
+        now = time.monotonic()
+        if now >= reminder:
+            reporter.say(f"waiting for a simulator at {place} (Ctrl-C ends this)")
+            reminder = now + _REMINDER
+        interrupts.wait(watched, min(next_try, reminder, end) - now)
+    return None
+
+
+def _attempt(link: Link, data: bytes, reporter: Reporter) -> None:
+    try:
+        link.register(data)
+    except LinkError as error:
+        reporter.warn_once(f"{error}; trying again")
+
+
+def _find_answer(
+    messages: list[bytes], registration: RobotRegistration, place: str, reporter: Reporter
+) -> Answer | None:
+    for index, data in enumerate(messages):
+        try:
+            message = decode_simulator_message(data)
+        except ProtocolError as error:
+            reporter.warn_once(f"{place} answers, but not like a CiberRato simulator: {error}")
+            continue
+        if isinstance(message, Acceptance):
+            return Answer(message, tuple(messages[index + 1 :]))
+        if isinstance(message, Refusal):
+            asked = f"position {registration.robot_id}" if registration.robot_id else "any free position"
+            raise UsageError(
+                f"the simulator at {place} refuses {registration.name!r} at {asked}: the position is taken "
+                "or not in its start grid, no position is free, or the simulation is already running"
+            )
+    return None

@@ -1,0 +1,291 @@
+"""One run of the agent, from the first datagram to the belief file: link, clock, thread and files."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from agent.registration import Answer, register
+from ciberrato.errors import CiberratoError, ProtocolError, UsageError
+from ciberrato.net.link import Link, LinkError
+from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
+
+if TYPE_CHECKING:
+    from agent.controller import Controller
+    from agent.ground_truth import DistanceModel, GroundTruthWorker
+    from agent.reporter import Reporter
+    from agent.runlog import Cycle, RunHeader, RunWriter
+    from agent.signals import Interrupts
+    from ciberrato.lab import Lab
+
+_SILENT_CYCLES = 3  # a simulator is not silent before it has missed so many cycles
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What the user asked for.
+
+    Attributes
+    ----------
+    host : str
+    port : int
+    transport : {"udp", "tcp"}
+    position : int
+        In the start grid; 0 = any free one.
+    name : str
+        The robot's.
+    lab : Lab
+    lab_file : Path
+    lab_sha256 : str
+    angles : tuple of four float
+        Mounting angles of the IR sensors in degrees.
+    cruise : float
+        Units a cycle.
+    exit_at_wall : bool
+    preset : {"seed", "calibrated"}
+    distance_model : {"sensor", "cone"}
+    precision : int
+        Decimals in the belief file.
+    seed : int or None
+        The simulation's, for the log only.
+    log : Path
+    output : Path
+    silence : float
+        Seconds without Measures after which the simulator is taken to be gone.
+    give_up_after : float or None
+        Seconds without an answer to the registration.
+    quiet : bool
+        Whether to print nothing but errors.
+    """
+
+    host: str
+    port: int
+    transport: Literal["udp", "tcp"]
+    position: int
+    name: str
+    lab: Lab
+    lab_file: Path
+    lab_sha256: str
+    angles: tuple[float, float, float, float]
+    cruise: float
+    exit_at_wall: bool
+    preset: Literal["seed", "calibrated"]
+    distance_model: DistanceModel
+    precision: int
+    seed: int | None
+    log: Path
+    output: Path
+    silence: float
+    give_up_after: float | None
+    quiet: bool
+
+
+class Session:
+    """One run of the agent.
+
+    Parameters
+    ----------
+    settings : Settings
+    interrupts : Interrupts
+        Armed.
+    reporter : Reporter
+    """
+
+    def __init__(self, settings: Settings, interrupts: Interrupts, reporter: Reporter) -> None:
+        self._settings = settings
+        self._interrupts = interrupts
+        self._reporter = reporter
+        self._worker: GroundTruthWorker | None = None
+        self._header: RunHeader | None = None
+        self._cycles: list[Cycle] = []
+
+    def run(self) -> int:
+        """Register, drive, and write the belief file.
+
+        Returns
+        -------
+        int
+            Exit status: 0, or 128 + number of the signal that came before anything was recorded.
+
+        Raises
+        ------
+        UsageError
+            If the robot is refused, the simulator falls silent before anything was recorded, or a file cannot
+            be written.
+        """
+        settings = self._settings
+        link = _open_link(settings)
+        try:
+            registration = RobotRegistration(
+                name=settings.name,
+                robot_id=settings.position,
+                sensor_angles=tuple(enumerate(settings.angles)),
+            )
+            answer = register(
+                link,
+                registration,
+                f"{settings.host}:{settings.port}",
+                self._interrupts,
+                self._reporter,
+                give_up_after=settings.give_up_after,
+                when_sent=self._start_worker,
+            )
+            reason = "interrupted" if answer is None else self._drive(link, answer)
+            return self._finish(link, reason)
+        finally:
+            link.close()
+
+    def _start_worker(self) -> None:
+        # Not before the registration is on its way: its imports take most of the start.
+        from agent.ground_truth import GroundTruthWorker
+
+        settings = self._settings
+        self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
+        self._worker.start()
+
+    def _drive(self, link: Link, answer: Answer) -> str:
+        """Answer Measures until something ends the run; return what."""
+        from agent.controller import Controller
+        from agent.runlog import RunHeader, RunWriter
+
+        settings, parameters = self._settings, answer.acceptance.parameters
+        assert self._worker is not None
+        self._worker.announce(parameters)
+        self._header = RunHeader(
+            lab_name=settings.lab_file.name,
+            lab_sha256=settings.lab_sha256,
+            parameters=parameters,
+            n_beacons=answer.acceptance.n_beacons,
+            sensor_angles=settings.angles,
+            preset=settings.preset,
+            distance_model=settings.distance_model,
+            seed=settings.seed,
+            robot_name=settings.name,
+            robot_position=settings.position,
+            cruise=settings.cruise,
+            precision=settings.precision,
+        )
+        self._announce()
+        try:
+            writer = RunWriter(settings.log, self._header)
+        except OSError as error:
+            raise UsageError(f"{settings.log}: cannot be written: {error.strerror}") from None
+        controller = Controller(self._header, exit_at_wall=settings.exit_at_wall)
+        with writer:
+            reason = self._answer_measures(link, controller, writer, list(answer.following))
+        if controller.lost or controller.unanswered:
+            self._reporter.warn(
+                f"{controller.lost} cycles without Measures; {controller.unanswered} Measures not "
+                "answered, as newer ones were waiting"
+            )
+        return reason
+
+    def _answer_measures(
+        self, link: Link, controller: Controller, writer: RunWriter, waiting: list[bytes]
+    ) -> str:
+        silence = max(
+            self._settings.silence,
+            _SILENT_CYCLES * controller.tracker.parameters.cycle_time / 1000.0,
+        )
+        heard = time.monotonic()
+        while True:
+            if self._interrupts.received:
+                return "interrupted"
+            measures = [message for message in map(self._decode, waiting) if isinstance(message, Measures)]
+            for number, message in enumerate(measures, start=1):
+                cycle, actions = controller.observe(message, newest=number == len(measures))
+                if actions is not None:
+                    try:
+                        link.send(encode(actions))
+                    except LinkError as error:
+                        self._reporter.warn_once(str(error))
+                self._record(cycle, writer)
+            if controller.ended is not None:
+                return controller.ended
+            now = time.monotonic()
+            if measures:
+                heard = now
+            elif now - heard >= silence:
+                return f"no Measures for {silence:g} s"
+            try:
+                waiting = link.receive_waiting()
+                if not waiting:
+                    self._interrupts.wait(link.fileno(), heard + silence - now)
+                    waiting = link.receive_waiting()
+            except LinkError as error:
+                return str(error)
+
+    def _decode(self, data: bytes) -> object:
+        try:
+            return decode_simulator_message(data)
+        except ProtocolError as error:
+            self._reporter.warn_once(f"a message is left out: {error}")
+            return None
+
+    def _record(self, cycle: Cycle, writer: RunWriter) -> None:
+        self._cycles.append(cycle)
+        try:
+            writer.write(cycle)
+        except OSError as error:
+            self._reporter.warn_once(f"{self._settings.log}: no longer written: {error.strerror}")
+        if cycle.step is not None:
+            readings = " ".join("-" if value is None else f"{value:g}" for value in cycle.readings or ())
+            self._reporter.say(f"time {cycle.time}: step {cycle.step}, readings {readings}")
+
+    def _finish(self, link: Link, reason: str) -> int:
+        """Stop the robot, run the filter, write the file."""
+        from agent.runlog import RecordedRun
+
+        interrupts, settings = self._interrupts, self._settings
+        if self._header is None or not any(cycle.step is not None for cycle in self._cycles):
+            if not interrupts.received:
+                raise UsageError(f"{reason}, before anything was recorded; nothing is written")
+            self._reporter.warn(f"{reason} before anything was recorded; nothing is written")
+            return interrupts.status
+        self._reporter.say(f"{reason}; finishing: writing {settings.output} (signals are ignored until then)")
+        self._stop(link)
+        assert self._worker is not None
+        from agent.localization import print_localization, write_localization
+
+        try:
+            localization = write_localization(
+                RecordedRun(self._header, tuple(self._cycles)),
+                self._worker.result(),
+                preset=settings.preset,
+                output=settings.output,
+                precision=settings.precision,
+            )
+        except CiberratoError:
+            self._reporter.warn(f"the log {settings.log} is complete; ciberrato-agent localize works from it")
+            raise
+        self._stop(link)
+        if not settings.quiet:
+            print_localization(localization, settings.output)
+        return 0
+
+    def _stop(self, link: Link) -> None:
+        with contextlib.suppress(LinkError):  # then the robot is out of reach
+            link.send(encode(Actions(left_motor=0.0, right_motor=0.0)))
+
+    def _announce(self) -> None:
+        assert self._header is not None
+        parameters = self._header.parameters
+        length = f"{parameters.sim_time} cycles" if parameters.sim_time else "no time limit"
+        self._reporter.say(
+            f"registered as {self._header.robot_name!r} at {self._settings.host}:{self._settings.port}; "
+            f"noise: motors {parameters.motors_noise:g} %, compass {parameters.compass_noise:g} degrees, "
+            f"IR {parameters.obstacle_noise:g}; cycle {parameters.cycle_time} ms; {length}"
+        )
+
+
+def _open_link(settings: Settings) -> Link:
+    if settings.transport == "tcp":
+        from ciberrato.net.tcp import TcpLink
+
+        return TcpLink(settings.host, settings.port)
+    from ciberrato.net.udp import UdpLink
+
+    return UdpLink(settings.host, settings.port)
