@@ -74,8 +74,9 @@ def read_session(path: Path) -> Session:
             port = ports.of_client_datagram(event["to_port"], data)
             from_clients.append(Datagram(source=source, data=data, port=port))
         else:
-            port = ports.kinds.get(event["from_port"], "nobody")
-            from_simulator.append(Datagram(source=source, data=_raw(event)[3], port=port))
+            data = _raw(event)[3]
+            port = ports.of_simulator_datagram(event["from_port"], data)
+            from_simulator.append(Datagram(source=source, data=data, port=port))
     return Session(
         name=name,
         from_clients=tuple(from_clients),
@@ -113,7 +114,7 @@ class _Ports:
 
     def __init__(self, raw_events: Iterable[tuple[str, int | None, int | None, bytes]]) -> None:
         self.kinds: dict[int, Port] = {}
-        self._dead: set[int] = set()
+        self._open: set[int] = set()
         asked: dict[int, list[bytes]] = {}
         for direction, source, target, data in raw_events:
             if direction == "client->sim" and source is not None and target is not None:
@@ -133,13 +134,20 @@ class _Ports:
                         "panel" if b"<Panel" in last else "view" if b"<View" in last else "robot"
                     )
 
+    def of_simulator_datagram(self, port: int, data: bytes) -> Port:
+        """Tell what is behind a port; a Reply is what opens it."""
+        if data.startswith(b"<Reply"):
+            self._open.add(port)
+        return self.kinds.get(port, "nobody")
+
     def of_client_datagram(self, port: int, data: bytes) -> Port:
-        if port in self._dead:
-            return "nobody"
+        """Tell who reads a datagram, as things stand; after a Reset only the main port is left."""
         kind = self.kinds.get(port, "nobody")
+        if kind != "main" and (kind == "panel" or port not in self._open):
+            return "nobody"
         if kind == "view" and re.match(rb"\s*<Reset\s*(/>|>)", data):
-            self._dead |= {port for port, kind in self.kinds.items() if kind != "main"}
-        return "nobody" if kind == "panel" else kind
+            self._open.clear()
+        return kind
 
 
 def _raw(event: dict[str, object]) -> tuple[str, int | None, int | None, bytes]:
