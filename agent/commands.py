@@ -8,9 +8,10 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, get_args
 
 from agent.reporter import PROGRAM, Reporter
+from agent.runlog import DistanceModel, Preset
 from ciberrato.errors import CiberratoError, UsageError
 
 if TYPE_CHECKING:
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from agent.signals import Interrupts
     from ciberrato.lab import Lab
 
-PRESETS = ("calibrated", "seed")
-DISTANCES = ("sensor", "cone")
 DEFAULT_MAP = "standard"
 DEFAULT_LOG = Path("run.jsonl")
 DEFAULT_OUTPUT = Path("localization.out")
@@ -200,9 +199,9 @@ def _run_parser() -> argparse.ArgumentParser:
     add("--transport", choices=("udp", "tcp"), default="udp", help="default: udp")
     add("--log", type=Path, default=DEFAULT_LOG, metavar="FILE", help=f"default: {DEFAULT_LOG}")
     _add_output(parser)
-    add("--preset", choices=PRESETS, default=PRESETS[0], help=f"of the filter; default: {PRESETS[0]}")
+    add("--preset", choices=get_args(Preset), default="calibrated", help="default: calibrated")
     _add_precision(parser, default=3)
-    add("--distance", choices=DISTANCES, default=DISTANCES[0], help=f"model; default: {DISTANCES[0]}")
+    add("--distance", choices=get_args(DistanceModel), default="sensor", help="default: sensor")
     add(
         "--angles",
         type=_angles,
@@ -225,7 +224,7 @@ def _localize_parser() -> argparse.ArgumentParser:
     add("run", type=Path, metavar="RUN", help="the log, run.jsonl")
     add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
     _add_output(parser)
-    add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
+    add("--preset", choices=get_args(Preset), help="of the filter; default: that of the run")
     _add_precision(parser, default=None)
     add("--quiet", action="store_true", help="no table")
     return parser

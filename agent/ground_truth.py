@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from agent.runlog import DistanceModel
     from ciberrato.lab import Lab
     from ciberrato.parameters import Parameters
 
-DistanceModel = Literal["sensor", "cone"]
 Angles = tuple[float, float, float, float]
 
 

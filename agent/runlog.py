@@ -12,7 +12,7 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from ciberrato.errors import LabError
 from ciberrato.parameters import Parameters
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 FORMAT = "ciberrato-run"
 FORMAT_VERSION = 1
 
+Preset = Literal["calibrated", "seed"]
+DistanceModel = Literal["sensor", "cone"]
 Readings = tuple[float | None, float | None, float | None, float | None]
 
 
@@ -66,8 +68,8 @@ class RunHeader:
     parameters: Parameters
     n_beacons: int = 0
     sensor_angles: tuple[float, float, float, float]
-    preset: Literal["seed", "calibrated"] = "calibrated"
-    distance_model: Literal["sensor", "cone"] = "sensor"
+    preset: Preset = "calibrated"
+    distance_model: DistanceModel = "sensor"
     seed: int | None = None
     robot_name: str = ""
     robot_position: int = 0
@@ -338,8 +340,8 @@ _CHECKS: dict[str, Callable[[Any], bool]] = {
     "float": _is_number,
     "bool": lambda value: isinstance(value, bool),
     "str": lambda value: isinstance(value, str),
-    'Literal["seed", "calibrated"]': lambda value: value in ("seed", "calibrated"),
-    'Literal["sensor", "cone"]': lambda value: value in ("sensor", "cone"),
+    "Preset": lambda value: value in get_args(Preset),
+    "DistanceModel": lambda value: value in get_args(DistanceModel),
     "Parameters": lambda value: isinstance(value, Parameters),
     "Readings": lambda value: _is_array(value, 4, gaps=True),
     "tuple[bool, bool, bool]": lambda value: (

@@ -15,9 +15,9 @@ from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simu
 
 if TYPE_CHECKING:
     from agent.controller import Controller
-    from agent.ground_truth import DistanceModel, GroundTruthWorker
+    from agent.ground_truth import GroundTruthWorker
     from agent.reporter import Reporter
-    from agent.runlog import Cycle, RunHeader, RunWriter
+    from agent.runlog import Cycle, DistanceModel, Preset, RunHeader, RunWriter
     from agent.signals import Interrupts
     from ciberrato.lab import Lab
 
@@ -72,7 +72,7 @@ class Settings:
     angles: tuple[float, float, float, float]
     cruise: float
     exit_at_wall: bool
-    preset: Literal["seed", "calibrated"]
+    preset: Preset
     distance_model: DistanceModel
     precision: int
     seed: int | None
