@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from ciberrato.kinematics import wrap_angle
+from ciberrato.angles import bearing, wrap_once
 from ciberrato.nearby import NearbyFaces
 
 _QUARTER = math.pi / 2
@@ -38,13 +38,13 @@ def distance_by_angles(walls: NearbyFaces, x: float, y: float, direction: float)
     float
         Units; infinite where no wall is seen.
     """
-    rays = (direction, wrap_angle(direction + _HALF_APERTURE), wrap_angle(direction - _HALF_APERTURE))
+    rays = (direction, wrap_once(direction + _HALF_APERTURE), wrap_once(direction - _HALF_APERTURE))
     nearest = math.inf
     for bound, (x0, y0, x1, y1, *_) in walls.nearest_first(x, y):
         if bound > nearest:
             break
         start, end = bearing(x, y, x0, y0), bearing(x, y, x1, y1)
-        if abs(wrap_angle(start - direction)) <= _HALF_APERTURE:
+        if abs(wrap_once(start - direction)) <= _HALF_APERTURE:
             nearest = min(nearest, _length(x, y, x0, y0))
         for ray in rays:
             if start == end:
@@ -55,24 +55,6 @@ def distance_by_angles(walls: NearbyFaces, x: float, y: float, direction: float)
                 if hit is not None:
                     nearest = min(nearest, _length(x, y, *hit))
     return nearest
-
-
-def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
-    """Angle from one point to another.
-
-    Parameters
-    ----------
-    x, y, to_x, to_y : float
-        Units.
-
-    Returns
-    -------
-    float
-        Radians within ±π; exactly π/2 straight above, -π/2 straight below and at the point itself.
-    """
-    if to_x == x:
-        return _QUARTER if to_y > y else -_QUARTER
-    return math.atan2(to_y - y, to_x - x)
 
 
 def _between(angle: float, one: float, other: float) -> bool:

@@ -9,6 +9,7 @@ from typing import Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ciberrato.angles import wrap_once
 from ciberrato.bayes.sensors.normal import log_interval
 from ciberrato.geometry import WallMap
 from ciberrato.kinematics import ROBOT_RADIUS, wrap_angle
@@ -109,7 +110,7 @@ def distances_at(walls: WallMap, x: float, y: float, directions: Iterable[float]
     """
     distances = []
     for direction in directions:
-        axis = wrap_angle(float(direction))
+        axis = wrap_once(direction)
         sensor_x, sensor_y = x + SENSOR_OFFSET * math.cos(axis), y + SENSOR_OFFSET * math.sin(axis)
         distances.append(single_cone_distance(walls, sensor_x, sensor_y, axis))
     return distances
@@ -135,13 +136,13 @@ def other_robot_distance(x: float, y: float, direction: float, other_x: float, o
     float
         Units from the sensor; infinite where the other is not seen, 0 where the sensor is inside it.
     """
-    axis = wrap_angle(float(direction))
+    axis = wrap_once(direction)
     dx = other_x - (x + SENSOR_OFFSET * math.cos(axis))
     dy = other_y - (y + SENSOR_OFFSET * math.sin(axis))
     distance = math.sqrt(dx * dx + dy * dy)
     if distance <= ROBOT_RADIUS:
         return 0.0
-    aside = abs(wrap_angle(math.atan2(dy, dx) - axis)) - HALF_APERTURE
+    aside = abs(wrap_once(math.atan2(dy, dx) - axis)) - HALF_APERTURE
     if aside <= 0.0:
         return distance - ROBOT_RADIUS
     if aside > math.asin(ROBOT_RADIUS / distance):

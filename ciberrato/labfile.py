@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from ciberrato.angles import bearing, wrap_once
 from ciberrato.errors import LabError
 from ciberrato.lab import CELL_SIZE, Beacon, Lab, Point, Target, Wall
 from ciberrato.rowpattern import row_walls
@@ -216,12 +217,13 @@ def total_turn(corners: Sequence[Point]) -> float:
         Radians: 2 π for a simple polygon listed counter-clockwise, -2 π clockwise, something else if its
         sides cross.
     """
-    count = len(corners)
+    # From each corner back to the one before: it matters where a corner is repeated, which is at -π/2 from
+    # itself. The real simulator drops some polygons with such corners and keeps others, and so do we.
     directions = [
-        math.atan2(corners[(i + 1) % count][1] - y, corners[(i + 1) % count][0] - x)
-        for i, (x, y) in enumerate(corners)
+        bearing(*corner, *previous)
+        for previous, corner in zip(corners, (*corners[1:], corners[0]), strict=True)
     ]
     return sum(
-        math.remainder(directions[(i + 1) % count] - direction, 2 * math.pi)
-        for i, direction in enumerate(directions)
+        wrap_once(following - direction)
+        for direction, following in zip(directions, (*directions[1:], directions[0]), strict=True)
     )

@@ -184,7 +184,7 @@ def parse_elements(data: bytes, source: str, what: str) -> list[Element]:
     parser.EndElementHandler = end
     parser.EntityDeclHandler = entity
     if not data.strip():
-        raise LabError(f"is empty; give {what} file", source=source)
+        raise LabError(f"is empty; give {what} file", source=source, line=1)
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:

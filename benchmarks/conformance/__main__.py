@@ -1,0 +1,88 @@
+"""Run all checks and print their rows; exit status 1 on any difference, 2 on a wrong command line."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from benchmarks.conformance import Row
+
+CHECKS = ("labs", "infrared", "motion", "codec", "seed_runs")
+"""Modules of this package, in the order of the table."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the checks.
+
+    Parameters
+    ----------
+    argv : sequence of str or None
+        Arguments; None = those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if every row passed, 1 if not, 2 if a folder is missing.
+    """
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.conformance", description=__doc__)
+    parser.add_argument("--golden", type=Path, required=True, help="folder of recordings: ir/, physics/, ...")
+    parser.add_argument("--labs", type=Path, help="folder of the labs that the recordings name")
+    parser.add_argument(
+        "--only", action="append", choices=CHECKS, help="run this check alone (may be repeated)"
+    )
+    arguments = parser.parse_args(argv)
+    if not arguments.golden.is_dir():
+        print(f"{arguments.golden}: no such folder; give the folder of recordings", file=sys.stderr)
+        return 2
+    labs = arguments.labs
+    if labs is not None and not labs.is_dir():
+        print(f"{labs}: no such folder; labs that it should hold are skipped", file=sys.stderr)
+        labs = None
+    began = time.perf_counter()
+    table: list[Row] = []
+    for row in all_rows(arguments.golden, labs, arguments.only or CHECKS):
+        table.append(row)
+        print(_line(row), flush=True)
+    failed = sum(not row.passed for row in table)
+    cases = sum(row.cases for row in table)
+    print(f"{len(table)} rows, {cases:,} cases, {failed} failed, {time.perf_counter() - began:.1f} s")
+    return 1 if failed else 0
+
+
+def all_rows(golden: Path, labs: Path | None, checks: Sequence[str] = CHECKS) -> Iterator[Row]:
+    """Run checks one after the other; one that breaks is a failed row, and the others go on.
+
+    Parameters
+    ----------
+    golden : Path
+        Folder of recordings.
+    labs : Path or None
+        Folder of labs.
+    checks : sequence of str
+        Names of modules of this package.
+
+    Yields
+    ------
+    Row
+    """
+    for name in checks:
+        try:
+            yield from importlib.import_module(f"{__package__}.{name}").rows(golden, labs)
+        except Exception as error:
+            yield Row(name, 0, None, False, f"the check broke: {type(error).__name__}: {error}")
+
+
+def _line(row: Row) -> str:
+    difference = "" if row.difference is None else f"{row.difference:.1e}"
+    verdict = "ok" if row.passed and row.cases else "skipped" if row.passed else "DIFFERS"
+    return f"{row.check:36} {row.cases:>9,} {difference:>9}  {verdict:8} {row.note}".rstrip()
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    sys.exit(main())

@@ -1,0 +1,127 @@
+"""IR distances, collision distances, and other robots in view, as the real simulator has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.conformance import Row
+from benchmarks.conformance.files import numbers, read_named_lab
+from ciberrato.geometry import WallMap
+from ciberrato.infrared import (
+    distances_at,
+    ideal_reading,
+    other_robot_distance,
+    round_reading,
+    sensor_distances,
+)
+from ciberrato.labfile import read_lab
+
+TOLERANCE = 1e-9
+_COLUMNS = ("x", "y", "dir_deg", "sensor_angle_deg", "distance", "wall_distance")
+_FILES = ("cell_centres", "own_cell_centres", "random_poses", "own_random_poses")
+_EVERY = 16
+"""The path for one robot at a time is compared on every sixteenth row: it takes ten times as long."""
+
+
+def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+    """Yield the rows of this check."""
+    for file in _FILES:
+        path = golden / "ir" / f"{file}.csv.gz"
+        if path.is_file():
+            yield from _distances(file, path, labs)
+        else:
+            yield Row(f"infrared: {file}", 0, None, True, "not recorded here")
+    path = golden / "ir" / "other_robots.csv.gz"
+    if path.is_file():
+        yield from _other_robots(path)
+    else:
+        yield Row("infrared: other_robots", 0, None, True, "not recorded here")
+
+
+def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Row]:
+    cases = single_cases = points = missing = groups = 0
+    greatest = single_greatest = wall_greatest = 0.0
+    first = ""
+    for name, recorded in numbers(path, _COLUMNS, "lab"):
+        lab = read_named_lab(name, labs)
+        if lab is None:
+            missing += 1
+            continue
+        groups += 1
+        walls = WallMap.from_lab(lab)
+        x, y, heading, angle, distance, _ = recorded.T
+        # In this order the recording's own arithmetic is repeated to the last bit.
+        direction = heading * math.pi / 180.0 + angle / 180.0 * math.pi
+        difference = worst(sensor_distances(walls, x, y, direction), distance)
+        every = zip(*(values[::_EVERY].tolist() for values in (x, y, direction)), strict=True)
+        single = [distances_at(walls, at_x, at_y, [axis])[0] for at_x, at_y, axis in every]
+        cases += len(recorded)
+        single_cases += len(single)
+        single_greatest = max(single_greatest, worst(np.array(single), distance[::_EVERY]))
+        greatest = max(greatest, difference)
+        place = np.unique(recorded[:, [0, 1, 5]], axis=0)
+        points += len(place)
+        wall_greatest = max(wall_greatest, worst(walls.distance(place[:, 0], place[:, 1]), place[:, 2]))
+        if not first and max(difference, single_greatest, wall_greatest) > TOLERANCE:
+            first = f"first in {name}"
+    note = first or f"{groups} labs" + (f"; {missing} labs whose files are not here" if missing else "")
+    yield Row(f"infrared: {file}", cases, greatest, greatest <= TOLERANCE, note)
+    yield Row(
+        f"infrared: {file}, one robot",
+        single_cases,
+        single_greatest,
+        single_greatest <= TOLERANCE,
+        f"every {_EVERY}th row, by the path for one robot",
+    )
+    yield Row(
+        f"infrared: {file}, to walls", points, wall_greatest, wall_greatest <= TOLERANCE, "collision distance"
+    )
+
+
+def worst(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> float:
+    """Greatest difference; infinite if one is not a number and the other is."""
+    same = ours == theirs
+    difference = np.where(same, 0.0, np.abs(ours - np.where(same, 0.0, theirs)))
+    return float(np.where(np.isnan(difference), np.inf, difference).max(initial=0.0))
+
+
+def _other_robots(path: Path) -> Iterator[Row]:
+    walls = WallMap.from_lab(read_lab(path.with_name("other_robots.lab.xml")))
+    columns = (
+        "x1",
+        "y1",
+        "dir1_deg",
+        "x2",
+        "y2",
+        "sensor_angle_deg",
+        "ideal_with_other",
+        "ideal_walls_only",
+        "ir_value_noise0",
+    )
+    (_, recorded), *rest = numbers(path, (*columns, "center_distance"), "center_distance")
+    recorded = np.concatenate([recorded, *(group for _, group in rest)])
+    x, y, heading, other_x, other_y, angle, with_other, alone, reading, _ = recorded.T
+    direction = heading * math.pi / 180.0 + angle / 180.0 * math.pi
+    wall = sensor_distances(walls, x, y, direction)
+    other = np.array(
+        [
+            other_robot_distance(*pose)
+            for pose in zip(*(v.tolist() for v in (x, y, direction, other_x, other_y)), strict=True)
+        ]
+    )
+    ours = ideal_reading(np.minimum(wall, other))
+    difference = max(worst(ideal_reading(wall), alone), worst(ours, with_other))
+    rounded = int((round_reading(ours) != reading).sum())
+    seen = int((with_other != alone).sum())
+    yield Row(
+        "infrared: other_robots",
+        len(recorded),
+        difference,
+        difference <= TOLERANCE and rounded == 0,
+        f"1/distance; the other robot is seen in {seen}; {rounded} rounded values unlike",
+    )
