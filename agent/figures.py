@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.summary import Cell, cell_name, peak
-from ciberrato.bayes.summaries import entropy_bits
+from agent.summary import Cell, cell_name, normalized_entropy, peak
 from ciberrato.errors import UsageError
 from ciberrato.lab import CELL_SIZE, Lab
 
@@ -183,5 +182,5 @@ def _panel_title(index: int, belief: Array) -> str:
         return f"{name}: undefined (nan)"
     best = peak(belief)
     ties = f" (one of {len(best.cells)})" if len(best.cells) > 1 else ""
-    entropy = entropy_bits(belief)
+    entropy = normalized_entropy(belief)
     return f"{name}: {cell_name(best.cells[0])}{ties} p = {best.probability:.3f}, {entropy:.2f} bits"

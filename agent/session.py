@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from agent.phases import Phase
 from agent.registration import Answer, register
 from ciberrato.errors import CiberratoError, ProtocolError, UsageError
 from ciberrato.net.link import Link, LinkError
@@ -231,6 +232,11 @@ class Session:
             writer.write(cycle)
         except OSError as error:
             self._reporter.warn_once(f"{self._settings.log}: no longer written: {error.strerror}")
+        if cycle.phase == Phase.HOLDING and (len(self._cycles) < 2 or self._cycles[-2].phase != cycle.phase):
+            self._reporter.say(
+                f"time {cycle.time}: wall ahead, standing still; Ctrl-C ends the run and writes "
+                f"{self._settings.output}"
+            )
         if cycle.step is not None:
             readings = " ".join("-" if value is None else f"{value:g}" for value in cycle.readings or ())
             self._reporter.say(f"time {cycle.time}: step {cycle.step}, readings {readings}")

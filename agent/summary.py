@@ -66,6 +66,22 @@ def cell_name(cell: Cell) -> str:
     return f"({(column + 0.5) * CELL_SIZE:g}, {(row + 0.5) * CELL_SIZE:g})"
 
 
+def normalized_entropy(belief: Array) -> float:
+    """Give the entropy of a belief that rounding may have left with another sum than 1.
+
+    Parameters
+    ----------
+    belief : ndarray
+        Not negative, with some mass.
+
+    Returns
+    -------
+    float
+        Bits.
+    """
+    return entropy_bits(belief / belief.sum())
+
+
 def step_table(
     beliefs: Array, true_cells: Sequence[Cell | None] | None = None, *, notes: Sequence[str] = ()
 ) -> str:
@@ -100,7 +116,7 @@ def step_table(
             name = cell_name(cells[0])
             if len(cells) > 1:
                 name += f" and {len(cells) - 1} more" if len(cells) < belief.size else " and all others"
-            line = [label, name, f"{best.probability:.3f}", f"{entropy_bits(belief):.2f}"]
+            line = [label, name, f"{best.probability:.3f}", f"{normalized_entropy(belief):.2f}"]
         if true_cells is not None:
             truth = true_cells[index]
             line.append("" if truth is None else cell_name(truth))

@@ -82,14 +82,16 @@ def demonstrate(folder: Path, seed: int) -> int:
         path.unlink(missing_ok=True)  # what is there afterwards is from this run
     simulator_words = ["--lab", LAB, "--grid", LAB, "--seed", str(seed), "--port", "0"]
     simulator_words += ["--autostart", "1", "--lockstep", "--speed", "20", "--truth", str(truth)]
+    simulator_words += ["--bind", "127.0.0.1"]
     with running("simulator_stub", simulator_words) as simulator:
         port = announced_port(simulator)
         agent_words = ["-h", f"127.0.0.1:{port}", "-m", LAB, "-p", "1", "-r", "demo"]
         agent_words += ["--log", str(log), "-o", str(output)]
         with running("agent", agent_words) as agent:
             wait_for_line(agent, re.compile("wall ahead"), "agent")
-            print("--- the robot stands before a wall: sending the agent what Ctrl-C sends")
+            print("  ^C")
             agent.send_signal(signal.SIGINT)
+            pass_on(agent)
             status = agent.wait(PATIENCE)
         if status:
             raise UsageError(f"the agent ended with status {status}")
@@ -158,12 +160,16 @@ def running(module: str, words: Sequence[str]) -> Iterator[subprocess.Popen[str]
     Yields
     ------
     subprocess.Popen
-        With its standard output as a pipe.
+        What it prints comes through one pipe.
     """
     name = {"simulator_stub": "ciberrato-simulator", "agent": "ciberrato-agent"}[module]
-    print(f"$ {name} {' '.join(words)}", flush=True)
+    print(f"\n$ {name} {' '.join(words)}", flush=True)
     process = subprocess.Popen(
-        [sys.executable, "-m", module, *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", module, *words],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
     )
     try:
         yield process
@@ -211,11 +217,22 @@ def wait_for_line(process: subprocess.Popen[str], pattern: re.Pattern[str], who:
         If its output ends before that.
     """
     for line in _stdout(process):
-        print(f"  {who}: {line}", end="", flush=True)
+        print(f"  {line}", end="", flush=True)
         found = pattern.search(line)
         if found:
             return found
     raise UsageError(f"the {who} ended before it said {pattern.pattern!r}")
+
+
+def pass_on(process: subprocess.Popen[str]) -> None:
+    """Pass on what a process prints until it ends.
+
+    Parameters
+    ----------
+    process : subprocess.Popen
+    """
+    for line in _stdout(process):
+        print(f"  {line}", end="", flush=True)
 
 
 def _stdout(process: subprocess.Popen[str]) -> IO[str]:

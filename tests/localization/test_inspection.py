@@ -24,7 +24,7 @@ def test_a_run_of_the_original_agent_ends_at_the_right_border(golden):
     text = inspected(golden / "seed_runs" / "noise_free_pos1" / "localization.out")
     lines = text.splitlines()
     assert lines[0].endswith("localization.out: prior and 12 steps, 7 x 14 cells, 3 decimals")
-    assert lines[2].split() == ["prior", "(1,", "1)", "and", "all", "others", "0.010", "6.51"]
+    assert lines[2].split() == ["prior", "(1,", "1)", "and", "all", "others", "0.010", "6.61"]
     assert lines[14].split() == ["11", "(27,", "7)", "1.000", "0.00"]
     assert max(len(line) for line in lines[1:]) <= 80
 
