@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
+import os
 import re
 import signal
 import subprocess
@@ -54,6 +55,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CiberratoError as error:
         print(f"demo: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:
+        # Whoever read our output has seen enough; what is still buffered must not complain at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        print("demo: interrupted", file=sys.stderr)
+        return 130
 
 
 def demonstrate(folder: Path, seed: int) -> int:
