@@ -19,7 +19,8 @@ from ciberrato.bayes.sensors.detector import DiscreteSensor, DoorDetector
 from ciberrato.bayes.sensors.gaussian import GaussianSensor
 from ciberrato.bayes.sensors.landmarks import LandmarkSensor, OrderedRanges
 from ciberrato.bayes.sensors.likelihood_field import LikelihoodField
-from ciberrato.bayes.spaces import line
+from ciberrato.bayes.sensors.scan_table import ScanTable
+from ciberrato.bayes.spaces import line, pose_grid
 
 BEAM = BeamModel(
     hit=0.7, short=0.15, longest=0.05, random=0.1, sigma=0.2, decay=0.4, max_range=8.0, resolution=0.05
@@ -191,6 +192,28 @@ def test_rays_see_a_closed_room_from_everywhere():
     ranges = room.cast(1.0, 1.0, np.concatenate([np.linspace(-4, 4, 1000), corners]))
     assert np.isfinite(ranges).all()
     np.testing.assert_allclose(ranges[-4:], np.hypot([-1, 3, -1, 3], [-1, -1, 2, 2]))
+
+
+def test_scan_table_equals_the_beam_model_state_by_state():
+    rng = np.random.default_rng(6)
+    occupied = np.zeros((12, 10), dtype=bool)
+    occupied[[0, -1]] = occupied[:, [0, -1]] = occupied[5, 3:6] = True
+    grid = OccupancyGrid(occupied=occupied, cell=0.5)
+    space = pose_grid((12, 10, 24), cell=0.5)
+    for beams, spacing in ((7, 2), (4, 1)):
+        table = ScanTable(space, ~occupied, grid.cast, beams=beams, spacing=spacing, max_range=8.0)
+        truth = (2.3, 3.2, 0.4)
+        scan = BEAM.sample(grid.cast(truth[0], truth[1], truth[2] + table.angles, 8.0), rng)
+        scan[1] = np.nan
+        ours = table.log_likelihood(scan, BEAM.beam_log_likelihood, weight=0.5)
+        assert (ours[occupied] == -np.inf).all()
+        for index in rng.permutation(np.argwhere(np.repeat(~occupied[:, :, None], 24, axis=2)))[:60]:
+            x, y, heading = space.pose(index)
+            ranges = grid.cast(x, y, heading + table.angles, 8.0)
+            nearest = table.levels[np.abs(table.levels[:, None] - ranges).argmin(axis=0)]
+            expected = 0.5 * BEAM.log_likelihood(scan, nearest)
+            assert ours[tuple(index)] == pytest.approx(expected, abs=1e-3)
+            assert np.abs(nearest - ranges).max() <= 4.0 / 255 + 1e-9
 
 
 def test_gaussian_beams_equal_scipys_densities():
