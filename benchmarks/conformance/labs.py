@@ -23,7 +23,7 @@ NOT_COPIED = {
     "dup_attr": "an attribute twice is not XML; the real parser takes the first",
     "latin1_no_decl": "bytes that are not UTF-8, without a declaration, are not XML",
     "nul_inside": "a NUL in the middle is not XML",
-    "pattern_newline": "a line break in an attribute is a blank in XML and ends a wall; the real one keeps it",
+    "pattern_newline": "a line break in an attribute is a blank in XML, and ends a wall; theirs keeps it",
     "nested": "a position inside a position counts once each, not the inner one twice",
 }
 """Odd inputs that we treat unlike the real parsers, and why."""
