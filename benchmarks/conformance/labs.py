@@ -163,9 +163,9 @@ def _grids(path: Path, labs: Path | None) -> Row:
         greatest = max(greatest, difference)
         if difference > 0.0:
             return Row(check, cases, greatest, False, f"first in {record['grid']}")
-    return Row(
-        check, cases, greatest if cases else None, True, "to the last bit" + _missing(missing, "grids")
-    )
+    if cases + missing == 0:
+        return _nothing(check)
+    return Row(check, cases, greatest, True, "to the last bit" + _missing(missing, "grids"))
 
 
 def grid_difference(grid: StartGrid, record: dict[str, Any]) -> float:
