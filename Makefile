@@ -6,7 +6,7 @@ GOLDEN ?= ../shared/golden
 LABS   ?= ../shared/labs
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick lint conformance bench clean
+.PHONY: help setup demo test quick lint conformance accuracy bench clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -35,6 +35,9 @@ test: lint  ## everything CI runs
 
 conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator (GOLDEN=... LABS=...)
 	$(BIN)/python -m benchmarks.conformance --golden $(GOLDEN) --labs $(LABS)
+
+accuracy: $(VENV)/.stamp  ## how often the most likely cell is the true one, both presets, 200 drives a lab
+	$(BIN)/python -m benchmarks.accuracy
 
 bench: $(VENV)/.stamp  ## speed, as ratios to plain references; writes build/bench.json
 	$(BIN)/python -m benchmarks
