@@ -1,0 +1,138 @@
+"""Imports point one way: asserted from the import statements themselves."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROCESSES = {"agent", "simulator_stub", "viewer"}
+PACKAGES = PROCESSES | {"ciberrato", "maps", "evaluation", "examples", "benchmarks"}
+# What each package may import of the others.
+ALLOWED = {
+    "ciberrato": set(),
+    "maps": {"ciberrato"},
+    "agent": {"ciberrato", "maps"},
+    "simulator_stub": {"ciberrato", "maps"},
+    "viewer": {"ciberrato", "maps"},
+    "evaluation": {"ciberrato", "maps", "agent", "simulator_stub"},
+    "examples": PACKAGES - {"benchmarks"},
+    "benchmarks": PACKAGES,
+}
+# Slow to load: only inside the functions that use them.
+LAZY = {"scipy", "matplotlib", "numba", "lxml"}
+
+
+def modules(package):
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+def imports(path, *, top_level_only=False):
+    """Names imported by a file, as dotted paths; what is for type checkers only does not count."""
+    tree = ast.parse(path.read_text())
+    package = path.relative_to(ROOT).with_suffix("").parts[:-1]
+
+    def walk(node):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+                continue
+            if top_level_only and isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            if isinstance(child, ast.Import):
+                yield from (alias.name for alias in child.names)
+            elif isinstance(child, ast.ImportFrom):
+                if child.level:
+                    base = ".".join(package[: len(package) - child.level + 1])
+                    yield f"{base}.{child.module}" if child.module else base
+                else:
+                    yield child.module
+            else:
+                yield from walk(child)
+
+    return sorted(set(walk(tree)))
+
+
+def existing():
+    return sorted(name for name in PACKAGES if (ROOT / name).is_dir())
+
+
+@pytest.mark.parametrize("package", existing())
+def test_a_package_imports_only_what_stands_below_it(package):
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in modules(package)
+        for name in imports(path)
+        if name.split(".")[0] in PACKAGES - {package} - ALLOWED[package]
+    ]
+    assert not wrong
+
+
+def test_bayes_knows_nothing_of_ciberrato():
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in modules("ciberrato/bayes")
+        for name in imports(path)
+        if name.split(".")[0] == "ciberrato" and not name.startswith("ciberrato.bayes")
+    ]
+    assert not wrong
+
+
+def test_the_protocol_knows_nothing_of_geometry():
+    known = {"protocol", "errors", "lab", "parameters", "startgrid"}
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in modules("ciberrato/protocol")
+        for name in imports(path)
+        if name.split(".")[0] == "ciberrato" and name.split(".")[1] not in known
+    ]
+    assert not wrong
+
+
+def test_only_net_touches_sockets_in_the_library():
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in modules("ciberrato")
+        if "net" not in path.relative_to(ROOT).parts
+        for name in imports(path)
+        if name.split(".")[0] in {"socket", "threading", "signal", "asyncio", "select", "selectors"}
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", sorted(set(existing()) - {"benchmarks"}))
+def test_slow_libraries_are_loaded_where_they_are_used(package):
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name} at its top level"
+        for path in modules(package)
+        for name in imports(path, top_level_only=True)
+        if name.split(".")[0] in LAZY
+    ]
+    assert not wrong
+
+
+def test_every_third_party_import_is_a_declared_dependency():
+    import re
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    lists = [project["dependencies"], *project["optional-dependencies"].values()]
+    declared = {re.match(r"[\w-]+", text)[0].lower().replace("-", "_") for one in lists for text in one}
+    undeclared = {
+        name.split(".")[0]
+        for package in existing()
+        for path in modules(package)
+        for name in imports(path)
+        if name.split(".")[0] not in PACKAGES | set(sys.stdlib_module_names) | declared
+    }
+    assert not undeclared
+
+
+def test_modules_stay_small():
+    long = {
+        str(path.relative_to(ROOT)): lines
+        for package in existing()
+        for path in modules(package)
+        if (lines := len(path.read_text().splitlines())) > 420
+    }
+    assert not long
