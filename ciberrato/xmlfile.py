@@ -190,11 +190,7 @@ def parse_elements(data: bytes, source: str, what: str) -> list[Element]:
     except expat.ExpatError as error:
         problem = f"is not well-formed XML ({expat.ErrorString(error.code)}); correct it, or give {what} file"
         raise LabError(problem, source=source, line=error.lineno) from None
-    except (
-        LookupError,
-        ValueError,
-    ) as error:  # an encoding that Python does not know, or not of single bytes
-        raise LabError(
-            f"declares an encoding that cannot be read ({error}); use UTF-8", source=source
-        ) from None
+    except (LookupError, ValueError) as error:  # Python does not know it, or it is not one byte a character
+        problem = f"declares an encoding that cannot be read ({error}); use UTF-8"
+        raise LabError(problem, source=source, line=1) from None
     return elements

@@ -68,7 +68,7 @@ def _find(name_or_path: str | Path, kind: str, what: str) -> Path:
     if os.path.exists(text) and not os.path.isdir(text):
         return Path(text)
     shipped = names(kind)
-    name = text.removesuffix(f"_{kind}.xml")
+    name = text.removesuffix(".xml").removesuffix(f"_{kind}")
     if name in shipped:
         return _FOLDER / f"{name}_{kind}.xml"
     listed = ", ".join(shipped)

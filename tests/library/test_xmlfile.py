@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from ciberrato import xmlfile
+from ciberrato.errors import CiberratoError, LabError, UsageError
+from ciberrato.labfile import read_lab
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(UsageError, match=r"x\.xml: no such file"):
+        read_lab(tmp_path / "x.xml")
+
+
+def test_a_directory(tmp_path):
+    with pytest.raises(UsageError, match="is a directory"):
+        read_lab(tmp_path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_a_file_that_may_not_be_read(tmp_path):
+    path = tmp_path / "secret.xml"
+    path.write_text("<Lab/>")
+    path.chmod(0)
+    with pytest.raises(UsageError, match="cannot be read"):
+        read_lab(path)
+
+
+@pytest.mark.parametrize("name", ["a\0b", "x" * 5000, "", "file.xml/inside"])
+def test_names_that_no_file_can_have(tmp_path, name):
+    (tmp_path / "file.xml").write_text("<Lab/>")
+    with pytest.raises(UsageError) as caught:
+        read_lab(f"{tmp_path}/{name}" if name else "")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_without_end():
+    if not os.path.exists("/dev/zero"):
+        pytest.skip("no /dev/zero")
+    with pytest.raises(LabError, match="/dev/zero: is larger than 16 MiB"):
+        read_lab("/dev/zero")
+
+
+def test_the_longest_file_that_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(xmlfile, "MAX_FILE_SIZE", 20)
+    path = tmp_path / "lab.xml"
+    path.write_text("<Lab></Lab>".ljust(20))
+    assert read_lab(path).width == 16.0
+    path.write_text("<Lab></Lab>".ljust(21))
+    with pytest.raises(LabError):
+        read_lab(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        (" 1.5 ", 1.5),
+        ("+2", 2.0),
+        ("-.5e1", -5.0),
+        ("3.", 3.0),
+        ("1_0", 0.0),
+        ("0x10", 0.0),
+        ("", 0.0),
+        ("٣", 0.0),
+    ],
+)
+def test_numbers_are_read_as_the_real_simulator_reads_them(text, value):
+    reader = xmlfile.Reader("f")
+    element = xmlfile.Element("E", {"a": text}, 1, None)
+    assert reader.real(element, "a", 7.0) == value
+    assert reader.real(element, "b", 7.0) == 7.0
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "unsigned"),
+    [
+        ("12", 12, 12),
+        (" +3 ", 3, 3),
+        ("-3", -3, 0),
+        ("2147483648", 0, 2147483648),
+        ("4294967296", 0, 0),
+        ("1.0", 0, 0),
+        ("9" * 5000, 0, 0),
+    ],
+)
+def test_integers_have_32_bits(text, value, unsigned):
+    reader = xmlfile.Reader("f")
+    element = xmlfile.Element("E", {"a": text}, 1, None)
+    assert reader.integer(element, "a", 7) == value
+    assert reader.natural(element, "a", 7) == unsigned
+
+
+def test_errors_are_of_one_family():
+    assert issubclass(LabError, CiberratoError)
+    assert issubclass(UsageError, CiberratoError)
