@@ -24,7 +24,7 @@ from agent.pilot import Pilot
 from agent.summary import Cell, peak
 from agent.tracker import CellTracker, Crossing
 from benchmarks.enumeration import enumerate_starts
-from ciberrato.lab import CELL_SIZE
+from ciberrato.lab import CELL_SIZE, Lab
 from ciberrato.labfile import read_lab
 from ciberrato.parameterfile import read_parameters
 from ciberrato.parameters import Parameters
@@ -32,6 +32,7 @@ from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.startgrid import GridPosition, StartGrid
 from maps import find_lab, find_parameters
 from simulator_stub.simulation import Simulation
+from simulator_stub.simulator_state import SimulatorState
 
 LABS = ("standard", "corridors", "maze")
 ANGLES = (0.0, 90.0, -90.0, 180.0)
@@ -50,20 +51,23 @@ class Drive:
     collisions: int
 
 
-def drive(lab_name: str, parameters: Parameters, seed: int) -> Drive:
-    """Drive right from a random cell until a wall stops the robot."""
-    lab = read_lab(find_lab(lab_name))
-    generator = np.random.default_rng(seed)
+def random_start(lab: Lab, generator: np.random.Generator) -> GridPosition:
+    """Draw a cell in which a robot can stand; heading 0."""
     cells = np.argwhere(standing_room(lab))
     row, column = (int(value) for value in cells[generator.integers(len(cells))])
-    start = GridPosition(x=(column + 0.5) * CELL_SIZE, y=(row + 0.5) * CELL_SIZE)
-    simulation = Simulation(lab, StartGrid(positions=(start,)), parameters, seed=generator)
+    return GridPosition(x=(column + 0.5) * CELL_SIZE, y=(row + 0.5) * CELL_SIZE)
+
+
+def drive(lab: Lab, start: GridPosition, parameters: Parameters, seed: int | np.random.Generator) -> Drive:
+    """Drive right from a cell until a wall stops the robot."""
+    simulation = Simulation(lab, StartGrid(positions=(start,)), parameters, seed=seed)
     angles = tuple(enumerate(ANGLES))
     robot = simulation.register(RobotRegistration(name="study", sensor_angles=angles))
     assert robot is not None
     tracker, pilot = CellTracker(parameters, ANGLES), Pilot(0.1)
     command: tuple[float, float] | None = None
-    measures = simulation.launch()[robot]
+    # As over the wire: the Measures behind the Reply, then those of the cycle that reads Start.
+    measures = simulation.step()[robot]
     crossings, truth, offsets, collisions, resting = [], [], [], 0, 0
     while resting < 5 and simulation.time < LONGEST:
         crossing = tracker.observe(measures, command)
@@ -75,7 +79,11 @@ def drive(lab_name: str, parameters: Parameters, seed: int) -> Drive:
         collisions += bool(measures.collision)
         command = pilot.drive(tracker)
         resting = resting + 1 if command == (0.0, 0.0) and tracker.at_rest else 0
+        if simulation.state is SimulatorState.STOPPED:
+            command = (0.0, 0.0)
+            simulation.start()
         measures = simulation.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
+    row, column = int(start.y // CELL_SIZE), int(start.x // CELL_SIZE)
     east = compute_ground_truth(lab, ANGLES).east[row, column:]
     closed = np.flatnonzero(~east)
     expected = 1 + (int(closed[0]) if len(closed) else len(east))
@@ -118,8 +126,9 @@ class Outcome:
 def judge(task: tuple[str, Parameters, int]) -> Outcome:
     """Drive once and score both presets and the enumeration on the same readings."""
     lab_name, parameters, seed = task
-    run = drive(lab_name, parameters, seed)
-    truth = compute_ground_truth(read_lab(find_lab(lab_name)), ANGLES, parameters)
+    lab, generator = read_lab(find_lab(lab_name)), np.random.default_rng(seed)
+    run = drive(lab, random_start(lab, generator), parameters, generator)
+    truth = compute_ground_truth(lab, ANGLES, parameters)
     readings = [crossing.readings for crossing in run.crossings]
     scores: dict[str, Score] = {}
     difference, recoveries = 0.0, 0
