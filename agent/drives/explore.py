@@ -1,0 +1,78 @@
+"""``explore``: legs into the open, new directions first, whether or not the pose is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.drives.base import Decision
+from agent.drives.outlook import PoseSample, free_ways
+from agent.drives.roam import Roamer
+from agent.drives.safety import Bumper
+from agent.pose_filter.posefilter import PoseFilter
+from ciberrato.protocol.messages import Measures
+
+Floats = NDArray[np.float64]
+
+LONGEST_LEG = 4.0
+_TURNS = np.deg2rad(np.arange(-165, 181, 15))
+
+
+class ExploreDrive:
+    """Drives leg by leg to where the robot has been least.
+
+    Parameters
+    ----------
+    angles : tuple of float
+        Mounting angles of the IR sensors in degrees.
+    obstacle_noise : float
+    cruise : float
+    """
+
+    def __init__(self, angles: tuple[float, ...], obstacle_noise: float, *, cruise: float = 0.1) -> None:
+        self._roamer = Roamer(angles, obstacle_noise, self._choose, cruise=cruise)
+        self._visits: Floats | None = None
+        self._origin = (0.0, 0.0, 0.0)
+
+    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+        """See `agent.drives.base.Drive`."""
+        self._note_visit(pose_filter)
+        return self._roamer.decide(measures, pose_filter)
+
+    def _note_visit(self, pose_filter: PoseFilter) -> None:
+        if self._visits is None:
+            self._visits = np.zeros((pose_filter.lab.rows + 2, pose_filter.lab.columns + 2))
+        found = pose_filter.estimate()
+        if found.certain:
+            row = min(max(found.cell[0], 0), pose_filter.lab.rows)
+            column = min(max(found.cell[1], 0), pose_filter.lab.columns)
+            self._visits *= 0.998
+            self._visits[row, column] += 1.0
+
+    def _choose(self, pose_filter: PoseFilter, sample: PoseSample, bumper: Bumper) -> tuple[float, float]:
+        ways = free_ways(pose_filter.tables.lattice, sample, _TURNS, LONGEST_LEG)
+        mean = ways.mean(axis=1)
+        reachable = np.quantile(ways, 0.1, axis=1)
+        score = 0.5 * mean + np.minimum(reachable, 2.0) - 0.35 * np.abs(_TURNS)
+        score -= 1.0 * (np.abs(_TURNS) > math.radians(150.0))
+        # Towards what is so near ahead that it stopped the robot there is no way.
+        if bumper.ahead > 1.8:
+            score -= 3.0 * (np.abs(_TURNS) < math.radians(40.0))
+        score -= self._crowdedness(pose_filter, sample, mean)
+        best = int(score.argmax())
+        return float(_TURNS[best]), max(min(float(reachable[best]) - 0.1, LONGEST_LEG), 1.0)
+
+    def _crowdedness(self, pose_filter: PoseFilter, sample: PoseSample, ways: Floats) -> Floats:
+        """How often the robot has been where a leg would end; 0 while it is lost."""
+        assert self._visits is not None
+        if not pose_filter.estimate().certain:
+            return np.zeros(len(_TURNS))
+        reach = np.clip(ways, 0.5, 2.5)[:, np.newaxis]
+        heading = sample.heading + _TURNS[:, np.newaxis]
+        x = sample.x + reach * np.cos(heading)
+        y = sample.y + reach * np.sin(heading)
+        rows = np.clip((y / 2.0).astype(int), 0, self._visits.shape[0] - 1)
+        columns = np.clip((x / 2.0).astype(int), 0, self._visits.shape[1] - 1)
+        return np.asarray(0.04 * np.minimum(self._visits[rows, columns], 60.0).mean(axis=1))

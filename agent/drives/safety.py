@@ -1,0 +1,76 @@
+"""Keeps the robot off the walls: what the IR sensors say always wins over what the belief says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+_SLOW = 1.25  # reading ahead at which to slow down
+_HALT = 2.6  # and at which to stop
+_SIDE_NEAR = 3.2  # reading to the side from which on to keep away
+_SIDE_HALT = 9.0
+_MOST_STEER = 0.03
+
+
+class Bumper:
+    """Smoothed IR readings by direction, and the speed that they allow.
+
+    Parameters
+    ----------
+    angles : sequence of float
+        Mounting angles of the IR sensors in degrees.
+    noise : float
+        Standard deviation of a reading.
+    """
+
+    def __init__(self, angles: Sequence[float], noise: float) -> None:
+        turned = [math.remainder(angle, 360.0) for angle in angles]
+        self._ahead = [i for i, angle in enumerate(turned) if abs(angle) <= 35.0]
+        self._left = [i for i, angle in enumerate(turned) if 35.0 < angle <= 100.0]
+        self._right = [i for i, angle in enumerate(turned) if -100.0 <= angle < -35.0]
+        self._memory = 0.0 if noise < 0.2 else 0.5
+        self._smooth: list[float] | None = None
+
+    def observe(self, infrared: Sequence[float | None]) -> None:
+        """Take in the readings of a message; sensors that were not sent keep their last."""
+        if self._smooth is None:
+            self._smooth = [reading or 0.0 for reading in infrared]
+            return
+        for number, reading in enumerate(infrared):
+            if reading is not None:
+                old = self._smooth[number]
+                # What grows is believed at once where it is large: noise is the same far and near.
+                memory = self._memory if reading < 2.0 * _HALT else 0.0
+                self._smooth[number] = memory * old + (1.0 - memory) * reading
+
+    def _most(self, sensors: list[int]) -> float:
+        return max((self._smooth[i] for i in sensors), default=0.0) if self._smooth else 0.0
+
+    @property
+    def ahead(self) -> float:
+        """Reading ahead."""
+        return self._most(self._ahead)
+
+    @property
+    def left(self) -> float:
+        """Reading to the left."""
+        return self._most(self._left)
+
+    @property
+    def right(self) -> float:
+        """Reading to the right."""
+        return self._most(self._right)
+
+    @property
+    def speed(self) -> float:
+        """Fraction of the cruising speed that is safe, from 0 to 1."""
+        ahead = min(max((_HALT - self.ahead) / (_HALT - _SLOW), 0.0), 1.0)
+        sides = max(self.left, self.right)
+        beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), 0.0), 1.0)
+        return min(0.25 + 0.75 * ahead if ahead > 0.0 else 0.0, beside)
+
+    @property
+    def steer(self) -> float:
+        """Turn away from a wall beside, in radians a cycle (positive to the left)."""
+        push = max(self.right - _SIDE_NEAR, 0.0) - max(self.left - _SIDE_NEAR, 0.0)
+        return min(max(0.02 * push, -_MOST_STEER), _MOST_STEER)

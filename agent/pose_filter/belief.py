@@ -1,0 +1,296 @@
+"""The belief over (x, y, heading), and how it moves without blurring.
+
+A state is a free square of the lattice and a bin of headings. Interpolating a belief from lattice to
+lattice in every cycle would smear it, so the lattice moves with the robot: one offset is added to the
+headings of all bins, and each bin has one offset in x and y, as all its states drive in the same
+direction. Only when a bin's offset passes half the resolution do its states move by whole squares. What
+blurs is what should: `diffuse`.
+
+While much is possible the belief is an array of all states (*dense*); once little is, a list of the
+states that have any weight (*sparse*). States too unlikely to matter leave the list for good; their total
+weight is counted.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.pose_filter.lattice import Lattice
+
+Floats = NDArray[np.float64]
+Weights = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+_SPARSE_BELOW = 0.1
+"""Fraction of the states with weight below which a list of them is faster than an array of all."""
+_REACH = 2
+"""Greatest shift in squares at once."""
+
+
+class PoseBelief:
+    """Weights of all states; they sum to 1 after `normalize`.
+
+    Parameters
+    ----------
+    lattice : Lattice
+    bins : int
+        Number of heading bins.
+    prune : float
+        Weight, in all, of the states that may be given up at once.
+    """
+
+    def __init__(self, lattice: Lattice, bins: int = 72, *, prune: float = 1e-5) -> None:
+        self.lattice = lattice
+        self.bins = bins
+        self.bin_width = 2.0 * math.pi / bins
+        self.prune_weight = prune
+        self.heading_offset = 0.0
+        """Radians; bin k stands for the heading k * bin_width + heading_offset."""
+        self.offset = np.zeros((bins, 2))
+        """Units; a state of bin k is at its square's node plus row k."""
+        self.given_up = 0.0
+        """Weight of the states given up so far, before each normalization."""
+        self._moves = _move_table(lattice)
+        self._spare: Weights | None = None
+        self.dense: Weights | None = None
+        self.bin: Indices = np.zeros(0, np.int64)
+        self.square: Indices = np.zeros(0, np.int64)
+        self.weight: Weights = np.zeros(0, np.float32)
+        self.set_uniform()
+
+    # --- what it is ---------------------------------------------------------------------------------
+
+    @property
+    def states(self) -> int:
+        """Number of states that have or may have weight."""
+        return self.bins * self.lattice.size if self.dense is not None else len(self.weight)
+
+    def headings(self) -> Floats:
+        """Headings of the bins in radians, not wrapped; shape (bins,)."""
+        return np.asarray(np.arange(self.bins) * self.bin_width + self.heading_offset)
+
+    def set_uniform(self) -> None:
+        """Take every free pose for equally likely."""
+        self.heading_offset = 0.0
+        self.offset[:] = 0.0
+        shape = (self.bins, self.lattice.size + 1)  # the last column stands for all that is not free
+        self.dense = np.full(shape, 1.0 / (self.bins * self.lattice.size), np.float32)
+        self.dense[:, -1] = 0.0
+        self._spare = np.zeros(shape, np.float32)
+
+    def set_states(self, bins: Indices, squares: Indices) -> None:
+        """Take only the given states for possible, each as likely."""
+        self.heading_offset = 0.0
+        self.offset[:] = 0.0
+        self.dense = self._spare = None
+        self.bin, self.square = bins.copy(), squares.copy()
+        self.weight = np.full(len(bins), 1.0 / max(len(bins), 1), np.float32)
+
+    def listed(self) -> tuple[Indices, Indices, Floats]:
+        """List the states: bins, squares and weights; everything with weight if the belief is dense."""
+        if self.dense is None:
+            return self.bin, self.square, self.weight.astype(np.float64)
+        bins, squares = np.nonzero(self.dense[:, :-1])
+        return bins, squares, self.dense[bins, squares].astype(np.float64)
+
+    def square_weights(self) -> Floats:
+        """Weight of each square over all headings; shape (squares,)."""
+        if self.dense is not None:
+            return np.asarray(self.dense[:, :-1].sum(axis=0, dtype=np.float64))
+        return np.bincount(self.square, self.weight, self.lattice.size).astype(np.float64)
+
+    def bin_weights(self) -> Floats:
+        """Weight of each bin of headings; shape (bins,)."""
+        if self.dense is not None:
+            return np.asarray(self.dense.sum(axis=1, dtype=np.float64))
+        return np.bincount(self.bin, self.weight, self.bins).astype(np.float64)
+
+    def entropy_bits(self) -> float:
+        """Entropy over all states, in bits."""
+        weights = self.weight if self.dense is None else self.dense
+        positive = weights[weights > 0.0].astype(np.float64)
+        return float(-(positive * np.log2(positive)).sum())
+
+    # --- evidence -------------------------------------------------------------------------------------
+
+    def normalize(self) -> float:
+        """Scale the weights to the sum 1 and return what it was; with nothing left, start from uniform."""
+        weights = self.weight if self.dense is None else self.dense
+        total = float(weights.sum(dtype=np.float64))
+        if not total > 1e-30:
+            self.set_uniform()
+            return 0.0
+        weights *= np.float32(1.0 / total)
+        return total
+
+    def prune(self) -> None:
+        """Give up what is too unlikely to matter; turn to the list when few states are left."""
+        if self.dense is not None:
+            least = np.float32(self.prune_weight / self.states)
+            kept = self.dense > least
+            count = np.count_nonzero(kept)
+            if count > _SPARSE_BELOW * self.states:
+                return
+            bins, squares = np.nonzero(kept)
+            self.bin, self.square = bins, squares
+            weight = self.dense[bins, squares]
+            self.dense = self._spare = None
+        else:
+            if len(self.weight) < 2:
+                return
+            keep = np.flatnonzero(self.weight > self.prune_weight / len(self.weight))
+            if len(keep) > 0.97 * len(self.weight):
+                return
+            self.bin, self.square = self.bin[keep], self.square[keep]
+            weight = self.weight[keep]
+        self.weight = np.ascontiguousarray(weight)
+        self.given_up += max(1.0 - float(weight.sum(dtype=np.float64)), 0.0)
+
+    # --- motion ---------------------------------------------------------------------------------------
+
+    def turn(self, angle: float) -> None:
+        """Turn all states by an angle in radians."""
+        self.heading_offset += angle
+
+    def drive(self, distance: float, *, stay_if_blocked: bool) -> None:
+        """Move every state along its heading.
+
+        Parameters
+        ----------
+        distance : float
+            Units; negative backwards; at most twice the resolution at once.
+        stay_if_blocked : bool
+            Whether states that would leave the free squares stay where they are; otherwise they are given up
+            (the robot is known to have moved).
+        """
+        headings = self.headings()
+        self.offset[:, 0] += distance * np.cos(headings)
+        self.offset[:, 1] += distance * np.sin(headings)
+        # Rounded a little coarser than the arithmetic, so that mirrored bins move in the same cycle.
+        squares = np.round(np.round(self.offset / self.lattice.resolution, 9)).astype(np.int64)
+        np.clip(squares, -_REACH, _REACH, out=squares)
+        if not squares.any():
+            return
+        self.offset -= squares * self.lattice.resolution
+        codes = _code(squares[:, 0], squares[:, 1])
+        if self.dense is None:
+            target = self._moves[codes[self.bin], self.square].astype(np.int64)
+            blocked = target == self.lattice.size
+            if stay_if_blocked:
+                self.square = np.where(blocked, self.square, target)
+            else:
+                self.square = target
+                self._drop(blocked)
+            return
+        self._drive_dense(codes, stay_if_blocked)
+
+    def _drive_dense(self, codes: Indices, stay_if_blocked: bool) -> None:
+        assert self.dense is not None
+        assert self._spare is not None
+        for row, code in enumerate(codes):
+            old, new = self.dense[row], self._spare[row]
+            if code == _STAY:
+                new[:] = old
+                continue
+            old.take(self._moves[_OPPOSITE - code], out=new[:-1], mode="clip")
+            if stay_if_blocked:
+                blocked = np.flatnonzero(self._moves[code] == self.lattice.size)
+                new[blocked] += old[blocked]
+        self.dense, self._spare = self._spare, self.dense
+
+    def _drop(self, gone: NDArray[np.bool_]) -> None:
+        if gone.any():
+            keep = np.flatnonzero(~gone)
+            self.bin, self.square, self.weight = self.bin[keep], self.square[keep], self.weight[keep]
+
+    def diffuse_place(self, variance: float, *, vertical: bool) -> None:
+        """Spread along x, or along y.
+
+        Parameters
+        ----------
+        variance : float
+            Units squared.
+        vertical : bool
+            Along y instead of x.
+        """
+        share = min(variance / self.lattice.resolution**2 / 2.0, 0.3)
+        code = _code(0, 1) if vertical else _code(1, 0)
+        if self.dense is not None:
+            assert self._spare is not None
+            source = (self._moves[code], self._moves[_OPPOSITE - code])
+            keep = np.float32(1.0 - 2.0 * share)
+            for old, new in zip(self.dense, self._spare, strict=True):
+                np.add(old[source[0]], old[source[1]], out=new[:-1])
+                new[:-1] *= np.float32(share)
+                new += keep * old
+            self.dense, self._spare = self._spare, self.dense
+            return
+        parts = [(self.bin, self.square, self.weight * np.float32(1.0 - 2.0 * share))]
+        for step in (code, _OPPOSITE - code):
+            target = self._moves[step, self.square].astype(np.int64)
+            parts.append((self.bin, target, self.weight * np.float32(share)))
+        self._merge(parts)
+
+    def diffuse_heading(self, variance: float) -> None:
+        """Spread over the neighbouring headings; variance in radians squared."""
+        share = min(variance / self.bin_width**2 / 2.0, 0.3)
+        change = {step: self._row_change(step) for step in (1, -1)}
+        if self.dense is not None:
+            assert self._spare is not None
+            np.multiply(self.dense, np.float32(1.0 - 2.0 * share), out=self._spare)
+            for step, codes in change.items():
+                for row, code in enumerate(codes):
+                    old = self.dense[row] * np.float32(share)
+                    new = self._spare[(row + step) % self.bins]
+                    if code == _STAY:
+                        new += old
+                    else:
+                        new[:-1] += old[self._moves[_OPPOSITE - code]]
+            self.dense, self._spare = self._spare, self.dense
+            return
+        parts = [(self.bin, self.square, self.weight * np.float32(1.0 - 2.0 * share))]
+        for step, codes in change.items():
+            target = self._moves[codes[self.bin], self.square].astype(np.int64)
+            parts.append(((self.bin + step) % self.bins, target, self.weight * np.float32(share)))
+        self._merge(parts)
+
+    def _row_change(self, step: int) -> Indices:
+        """Say by how many squares a state moves that changes to the next bin, whose offset differs."""
+        difference = (self.offset - np.roll(self.offset, -step, axis=0)) / self.lattice.resolution
+        squares = np.round(np.round(difference, 9)).astype(np.int64)
+        return _code(squares[:, 0], squares[:, 1])
+
+    def _merge(self, parts: list[tuple[Indices, Indices, Weights]]) -> None:
+        """Add up the weights of equal states."""
+        size = self.lattice.size
+        bins, squares, weights = (np.concatenate(column) for column in zip(*parts, strict=True))
+        if len(weights) < 60_000:
+            inside = squares < size
+            keys, inverse = np.unique(bins[inside] * size + squares[inside], return_inverse=True)
+            total = np.bincount(inverse, weights[inside], len(keys))
+        else:
+            sums = np.bincount(bins * (size + 1) + squares, weights, self.bins * (size + 1))
+            sums[size :: size + 1] = 0.0
+            keys = np.flatnonzero(sums)
+            total = sums[keys]
+            keys -= keys // (size + 1)
+        self.bin, self.square = keys // size, keys % size
+        self.weight = total.astype(np.float32)
+
+
+def _code(dx: Indices | int, dy: Indices | int) -> Indices:
+    width = 2 * _REACH + 1
+    return np.asarray((np.asarray(dy) + _REACH) * width + np.asarray(dx) + _REACH, np.int64)
+
+
+_STAY = int(_code(0, 0))
+_OPPOSITE = 2 * _STAY
+
+
+def _move_table(lattice: Lattice) -> NDArray[np.int64]:
+    """Where each square's states go for each shift, by code; shape (codes, squares)."""
+    steps = range(-_REACH, _REACH + 1)
+    return np.stack([lattice.neighbours(dx, dy) for dy in steps for dx in steps])

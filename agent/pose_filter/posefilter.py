@@ -1,0 +1,392 @@
+"""The full-pose filter, which tells where in the lab the robot is and where it looks.
+
+Grid localization (Thrun, Burgard, Fox, *Probabilistic Robotics*, section 8.2) over (x, y, heading), run
+in every cycle: the belief is moved by what the wheels do and multiplied by the likelihood of what the
+sensors say.
+
+What makes the result trustworthy on a lattice is said where it is done: the likelihood is that of a
+square, not of its node (`agent.pose_filter.reading_codes`); motion does not blur
+(`agent.pose_filter.belief`); and likelihoods are tempered, as the error made by taking one distance for a
+whole square is the same in the next cycle if the robot is still in the same square. The exponent is
+therefore proportional to how many squares and bins the robot has moved on in the cycle, up to a limit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.pose_filter.belief import PoseBelief
+from agent.pose_filter.estimate import PoseEstimate, estimate
+from agent.pose_filter.reading_codes import CODES, ReadingCodes
+from agent.pose_filter.tables import BINS, PoseTables
+from ciberrato.kinematics import ROBOT_RADIUS, advance, clamp_power, filter_power, wrap_angle
+from ciberrato.lab import Lab
+from ciberrato.parameters import Parameters
+from ciberrato.protocol.messages import Measures
+
+Floats = NDArray[np.float64]
+Command = tuple[float, float]
+
+_DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterSettings:
+    """What can be tuned. The defaults were chosen on labs other than those on which the filter is judged.
+
+    Attributes
+    ----------
+    exponent : float
+        Power to which the likelihood of a cycle is raised at most.
+    least_exponent : float
+        The same for a robot that stands.
+    place_spread : float
+        Distances spread over a square by this many resolutions (even distribution).
+    turn_spread : float
+        Distances spread over a bin by this many times distance and bin width.
+    outlier : float
+        Probability that a reading has nothing to do with the expected one.
+    place_floor, turn_floor : float
+        Standard deviation added per cycle of motion, in units and degrees, besides the motors' noise.
+    diffusion_period : int
+        Cycles between two spreadings of the belief.
+    prune : float
+        Weight of the states that may be given up at once.
+    alarm : float
+        Evidence (natural logarithm of a likelihood ratio) that the robot is elsewhere at which the filter
+        starts anew.
+    alarm_slack : float
+        Evidence for the belief that a cycle must bring, so as not to count against it.
+    """
+
+    exponent: float = 0.5
+    least_exponent: float = 0.02
+    place_spread: float = 1.5
+    turn_spread: float = 0.6
+    outlier: float = 0.02
+    place_floor: float = 0.02
+    turn_floor: float = 0.4
+    diffusion_period: int = 6
+    prune: float = 1e-5
+    alarm: float = 10.0
+    alarm_slack: float = 0.0
+
+
+class _Tick(NamedTuple):
+    """One message: what the wheels did before it, and what the sensors said."""
+
+    commands: tuple[Command, ...]
+    infrared: tuple[float | None, ...]
+    compass: float | None
+    collision: bool | None
+    ground: int | None
+
+
+class PoseFilter:
+    """Follows the pose of a robot from message to message.
+
+    Parameters
+    ----------
+    lab : Lab
+    tables : PoseTables
+    parameters : Parameters
+        As announced.
+    settings : FilterSettings, optional
+    start : {"anywhere", "centres"}
+        What is possible at the start: every free pose, or the centres of all cells with a heading of 0, 90,
+        180 or 270 degrees.
+    """
+
+    def __init__(
+        self,
+        lab: Lab,
+        tables: PoseTables,
+        parameters: Parameters,
+        settings: FilterSettings | None = None,
+        *,
+        start: str = "anywhere",
+    ) -> None:
+        self.lab = lab
+        self.tables = tables
+        self.parameters = parameters
+        self.settings = settings or FilterSettings()
+        self.belief = PoseBelief(tables.lattice, BINS, prune=self.settings.prune)
+        if start == "centres":
+            self._start_at_centres()
+        resolution = tables.lattice.resolution
+        self._codes = ReadingCodes(
+            noise=parameters.obstacle_noise,
+            place=self.settings.place_spread * resolution,
+            turn=self.settings.turn_spread * self.belief.bin_width,
+            outlier=self.settings.outlier,
+        )
+        self._code_shares = [
+            np.bincount(table.ravel(), minlength=CODES) / table.size for table in tables.codes
+        ]
+        self._lag = max(parameters.obstacle_latency, parameters.compass_latency)
+        self._ticks: deque[_Tick] = deque(maxlen=self._lag + 1)
+        self._messages = 0
+        self._time: int | None = None
+        self._wheels = (0.0, 0.0)
+        self._variances = [0.0, 0.0, 0.0]  # x, y and heading, gathered and not yet applied
+        self._next_axis = 2
+        self._since_diffusion = 0
+        self._rested = 0
+        self._estimate: PoseEstimate | None = None
+        self._buffer: NDArray[np.float32] | None = None
+        self._ground = _ground_table(lab, tables)
+        self.alarm_level = 0.0
+        """Evidence gathered that the robot is not where the belief is."""
+        self.restarts: list[int] = []
+        """Times at which the filter found that the robot must be elsewhere and started anew."""
+
+    def _start_at_centres(self) -> None:
+        lattice = self.tables.lattice
+        at_centre = np.flatnonzero(
+            (np.abs(lattice.x % 2.0 - 1.0) < 1e-6)
+            & (np.abs(lattice.y % 2.0 - 1.0) < 1e-6)
+            & (lattice.clearance >= ROBOT_RADIUS - 1e-6)
+        )
+        quarters = np.arange(4) * (BINS // 4)
+        self.belief.set_states(np.repeat(quarters, len(at_centre)), np.tile(at_centre, 4))
+
+    # --- what is known --------------------------------------------------------------------------------
+
+    def estimate(self) -> PoseEstimate:
+        """Give the pose at the last message, with its probability."""
+        if self._estimate is None:
+            found = estimate(self.belief)
+            self._estimate = self._dead_reckoned(found)
+        return self._estimate
+
+    def _dead_reckoned(self, found: PoseEstimate) -> PoseEstimate:
+        """Add the motion since the newest readings, where they come late."""
+        if self._lag == 0 or not self._ticks:
+            return found
+        pose, wheels = (found.x, found.y, found.heading), self._wheels
+        for tick in list(self._ticks)[1:]:
+            for command in tick.commands:
+                wheels = _filtered(command, wheels)
+                pose = advance(*pose, *wheels)
+        x, y, heading = pose
+        return PoseEstimate(
+            x=x,
+            y=y,
+            heading=wrap_angle(heading),
+            probability=found.probability,
+            cell=(math.floor(y / 2.0), math.floor(x / 2.0)),
+        )
+
+    # --- what happens -----------------------------------------------------------------------------------
+
+    def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
+        """Take in one message.
+
+        Parameters
+        ----------
+        measures : Measures
+            Not older than the one before.
+        command_in_effect : (float, float) or None
+            Left and right motor command in effect since the message before; None if none was sent yet.
+        """
+        cycles = 0 if self._time is None else max(measures.time - self._time, 0)
+        self._time = measures.time
+        self._messages += 1
+        self._ticks.append(
+            _Tick(
+                commands=(command_in_effect or (0.0, 0.0),) * cycles,
+                infrared=measures.infrared,
+                compass=measures.compass,
+                collision=measures.collision if self.parameters.collision_latency == 0 else None,
+                ground=measures.ground if self.parameters.ground_latency == 0 else None,
+            )
+        )
+        if self._messages > self._lag:
+            self._process(measures.time)
+        self._estimate = None
+
+    def _process(self, time: int) -> None:
+        oldest, newest = self._ticks[0], self._ticks
+        moved = turned = 0.0
+        for number, command in enumerate(oldest.commands):
+            collision = oldest.collision if number == len(oldest.commands) - 1 else False
+            way, angle = self._move(command, collision)
+            moved += abs(way)
+            turned += abs(angle)
+        self._diffuse_if_due()
+        infrared = newest[min(self.parameters.obstacle_latency, len(newest) - 1)].infrared
+        compass = newest[min(self.parameters.compass_latency, len(newest) - 1)].compass
+        exponent = self._exponent(moved, turned)
+        if exponent > 0.0:
+            self._take_readings(infrared, compass, exponent, time)
+        if oldest.ground is not None and (moved > 0.0 or self._messages < 3):
+            self._take_ground(oldest.ground)
+
+    def _exponent(self, moved: float, turned: float) -> float:
+        settings = self.settings
+        progress = moved / self.tables.lattice.resolution + turned / self.belief.bin_width
+        if progress < 1e-3:
+            self._rested += 1
+            return settings.exponent if self._rested == 1 else settings.least_exponent / self._rested
+        self._rested = 0 if progress > 0.1 else self._rested
+        return settings.exponent * min(max(progress, settings.least_exponent), 1.0)
+
+    def _move(self, command: Command, collision: bool | None) -> Command:
+        """Move the belief by one cycle; return the way and the angle."""
+        self._wheels = left, right = _filtered(command, self._wheels)
+        way, angle = (left + right) / 2.0, right - left
+        if way == 0.0 and angle == 0.0:
+            return way, angle
+        if collision:
+            self._take_collision(way)
+            way = 0.0
+        else:
+            self.belief.drive(way, stay_if_blocked=collision is None)
+        self.belief.turn(angle)
+        wheel_variance = (2.0 * self.parameters.motors_noise / 100.0) ** 2 * (left**2 + right**2)
+        moving = min((abs(left) + abs(right)) / 0.2, 1.0)
+        noisy = 1.0 if self.parameters.motors_noise > 0.0 else 0.25
+        floor_turn = (self.settings.turn_floor * _DEGREE) ** 2 * moving * noisy
+        floor_place = self.settings.place_floor**2 * moving * noisy
+        place = wheel_variance / 8.0 + floor_place
+        for axis, variance in enumerate((place, place, wheel_variance + floor_turn)):
+            self._variances[axis] += variance
+        self._since_diffusion += 1
+        return way, angle
+
+    def _diffuse_if_due(self) -> None:
+        """Spread the belief by the noise gathered since the last time; one axis at a time, in turn."""
+        if self._since_diffusion * 3 < self.settings.diffusion_period:
+            return
+        self._since_diffusion = 0
+        axis = self._next_axis
+        self._next_axis = (axis + 1) % 3
+        variance, self._variances[axis] = self._variances[axis], 0.0
+        if axis == 2:
+            self.belief.diffuse_heading(variance)
+        else:
+            self.belief.diffuse_place(variance, vertical=axis == 1)
+
+    def _take_readings(
+        self, infrared: tuple[float | None, ...], compass: float | None, exponent: float, time: int
+    ) -> None:
+        belief = self.belief
+        elsewhere = 0.0
+        factors: list[tuple[NDArray[np.uint8], NDArray[np.float32]]] = []
+        for sensor, reading in enumerate(infrared[: len(self.tables.sensors)]):
+            if reading is None:
+                continue
+            table = np.exp(exponent * self._codes.log_likelihood(reading))
+            shares = self._code_shares[self.tables.sensors[sensor][0]]
+            elsewhere += math.log(float(shares @ table))
+            factors.append((self.tables.view(sensor, belief.heading_offset), table.astype(np.float32)))
+        by_bin: NDArray[np.float32] | None = None
+        if compass is not None:
+            by_bin_double = self._compass_factor(compass, exponent)
+            elsewhere += math.log(float(by_bin_double.mean()))
+            by_bin = by_bin_double.astype(np.float32)
+        if not factors and by_bin is None:
+            return
+        self._multiply(factors, by_bin)
+        evidence = belief.normalize()
+        ratio = math.log(max(evidence, 1e-30)) - elsewhere
+        self.alarm_level = max(self.alarm_level - ratio + self.settings.alarm_slack, 0.0)
+        if evidence == 0.0 or self.alarm_level > self.settings.alarm:
+            self.restart(time)
+            return
+        belief.prune()
+
+    def restart(self, time: int) -> None:
+        """Forget everything: every free pose is possible."""
+        self.restarts.append(time)
+        self.alarm_level = 0.0
+        self.belief.set_uniform()
+
+    def _multiply(
+        self,
+        factors: list[tuple[NDArray[np.uint8], NDArray[np.float32]]],
+        by_bin: NDArray[np.float32] | None,
+    ) -> None:
+        belief = self.belief
+        if belief.dense is None:
+            for codes, table in factors:
+                belief.weight *= table[codes[belief.bin, belief.square]]
+            if by_bin is not None:
+                belief.weight *= by_bin[belief.bin]
+            return
+        if self._buffer is None:
+            self._buffer = np.empty(self.tables.lattice.size, np.float32)
+        for row in range(BINS):
+            weights = belief.dense[row, :-1]
+            for codes, table in factors:
+                table.take(codes[row], out=self._buffer, mode="clip")
+                weights *= self._buffer
+            if by_bin is not None:
+                weights *= by_bin[row]
+
+    def _compass_factor(self, degrees: float, exponent: float) -> Floats:
+        belief = self.belief
+        difference = np.remainder(np.rad2deg(belief.headings()) - degrees + 180.0, 360.0) - 180.0
+        width = math.degrees(belief.bin_width)
+        variance = self.parameters.compass_noise**2 + (1.0 + 2.0 * width**2) / 12.0
+        density = np.exp(-0.5 * difference**2 / variance) + 1e-4
+        return np.asarray((density / density.max()) ** exponent)
+
+    def _take_collision(self, way: float) -> None:
+        """Weigh the states by how near they are to a wall ahead."""
+        belief, lattice = self.belief, self.tables.lattice
+        bins, squares, _ = belief.listed()
+        sign = math.copysign(1.0, way)
+        headings = belief.headings()
+        step = np.stack([np.cos(headings), np.sin(headings)], axis=1) * sign
+        ahead = np.round(belief.offset / lattice.resolution + step).astype(np.int64)[bins]
+        site = lattice.site[squares] + ahead[:, 1] * lattice.nx + ahead[:, 0]
+        target = lattice.index[site]
+        clearance = np.append(lattice.clearance, 0.0)[target]
+        touching = 0.02 + 0.98 / (
+            1.0 + np.exp((clearance - ROBOT_RADIUS - 0.05) / (0.5 * lattice.resolution))
+        )
+        factor = (touching**self.settings.exponent).astype(np.float32)
+        if belief.dense is None:
+            belief.weight *= factor
+        else:
+            belief.dense[bins, squares] *= factor
+        belief.normalize()
+
+    def _take_ground(self, target: int) -> None:
+        if self._ground is None or target >= len(self._ground):
+            return
+        exponent = self.settings.exponent
+        factor = self._ground[target] if target >= 0 else 1.0 - self._ground.max(axis=0)
+        squares = np.flatnonzero(factor < 0.999)
+        values = (np.maximum(factor, 0.02) ** exponent).astype(np.float32)
+        belief = self.belief
+        if belief.dense is None:
+            belief.weight *= values[belief.square]
+        elif len(squares):
+            belief.dense[:, squares] *= values[squares]
+        belief.normalize()
+
+
+def _ground_table(lab: Lab, tables: PoseTables) -> Floats | None:
+    """Probability that the ground sensor reports each target in each square; shape (targets, squares)."""
+    if not lab.targets:
+        return None
+    lattice = tables.lattice
+    rows = []
+    for target in lab.targets:
+        distance = np.hypot(lattice.x - target.x, lattice.y - target.y)
+        beyond = (distance - (target.radius - ROBOT_RADIUS)) / (0.4 * lattice.resolution)
+        rows.append(1.0 / (1.0 + np.exp(np.clip(beyond, -50.0, 50.0))))
+    return np.array(rows)
+
+
+def _filtered(command: Command, wheels: Command) -> Command:
+    left, right = (filter_power(clamp_power(c), w) for c, w in zip(command, wheels, strict=True))
+    return left, right

@@ -1,0 +1,125 @@
+"""How likely a reading is in a square of the lattice, for all expected readings at once.
+
+The expected reading of a state is kept as an 8-bit code; the steps between codes follow the reading's own
+spread, so that no code matters more than another. What a reading says about the states is then a table of
+256 numbers, computed when the reading first occurs.
+
+A square is not its node. The distance to the wall differs over the square and over the heading's bin by about
+``deviation = sqrt(place² / 12 + (distance · turn)² / 12)``, and the reading 1/distance by that over distance
+squared: near a wall many times the sensor's noise. So the likelihood of a reading is the mean over the
+distances of the square, of the exact probability that reading plus noise rounds to it (Thrun, Burgard, Fox,
+*Probabilistic Robotics*, section 8.2.4, on grids whose cells are coarse for the sensor).
+"""
+
+from __future__ import annotations
+
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ciberrato.infrared import CONTACT, SATURATION, reading_log_likelihood
+
+Floats = NDArray[np.float64]
+Codes = NDArray[np.uint8]
+
+CODES = 256
+_FARTHEST = 40.0  # units; nothing is told apart beyond
+_NODES = np.array([NormalDist().inv_cdf((k + 0.5) / 41) for k in range(41)])
+_ROUNDING = 0.1
+
+
+class ReadingCodes:
+    """Codes for expected readings, and the likelihood of a reading by code.
+
+    Parameters
+    ----------
+    noise : float
+        Standard deviation of a reading (ObstacleNoise).
+    place : float
+        Units over which a square's distances spread.
+    turn : float
+        Radians over which a heading's bin spreads.
+    outlier : float
+        Probability that a reading has nothing to do with the expected one (an edge passes through the
+        square).
+    """
+
+    def __init__(self, *, noise: float, place: float, turn: float, outlier: float) -> None:
+        self._noise = noise
+        self._place = place
+        self._turn = turn
+        self._outlier = outlier
+        self.distances = code_distances()
+        self._known: dict[int, Floats] = {}
+
+    def log_likelihood(self, reading: float) -> Floats:
+        """Give the logarithm of the likelihood of a reading for every code, less the greatest.
+
+        Parameters
+        ----------
+        reading : float
+            As reported, a multiple of 0.1.
+
+        Returns
+        -------
+        array, shape (256,)
+        """
+        key = round(reading / _ROUNDING)
+        table = self._known.get(key)
+        if table is None:
+            table = self._known[key] = self._compute(key * _ROUNDING)
+        return table
+
+    def _compute(self, reading: float) -> Floats:
+        distance = self.distances
+        deviation = np.sqrt((self._place**2 + (self._turn * distance) ** 2) / 12.0)
+        samples = distance[:, np.newaxis] + deviation[:, np.newaxis] * _NODES
+        ideal = np.where(samples > CONTACT, 1.0 / np.maximum(samples, CONTACT), SATURATION)
+        # Between two samples the ideal reading is taken to spread evenly.
+        gap = np.abs(np.gradient(ideal, axis=1))
+        sigma = np.sqrt(self._noise**2 + gap**2 / 12.0)
+        mass = np.exp(reading_log_likelihood(reading, ideal, np.maximum(sigma, 1e-3))).mean(axis=1)
+        background = max(1.0 / (1.0 + max(reading, 0.0)) ** 2, 1e-4) * _ROUNDING
+        mixed = (1.0 - self._outlier) * mass + self._outlier * background
+        return np.asarray(np.log(mixed / mixed.max()))
+
+
+def code_distances() -> Floats:
+    """Distances that the codes stand for, falling.
+
+    Returns
+    -------
+    array, shape (256,)
+        Units; evenly spaced by 1/distance far away, by the distance's logarithm nearer than 1.
+    """
+    return 1.0 / _inverse(np.linspace(_scale(1.0 / _FARTHEST), _scale(SATURATION), CODES))
+
+
+def encode(distances: Floats) -> Codes:
+    """Turn distances into codes.
+
+    Parameters
+    ----------
+    distances : array
+        Units; infinite where no wall is seen, which reads like contact.
+
+    Returns
+    -------
+    array of uint8, same shape
+    """
+    reading = np.where(
+        (distances > CONTACT) & (distances < np.inf), 1.0 / np.maximum(distances, CONTACT), SATURATION
+    )
+    low, high = _scale(1.0 / _FARTHEST), _scale(SATURATION)
+    # Rounded to 1e-7, so that places that are equal but for the arithmetic get equal codes.
+    position = np.round((_scale(reading) - low) / (high - low) * (CODES - 1), 7)
+    return np.clip(np.floor(position + 0.5), 0, CODES - 1).astype(np.uint8)
+
+
+def _scale(reading: NDArray[np.float64] | float) -> Floats:
+    return np.asarray(np.arcsinh(np.asarray(reading, np.float64)))
+
+
+def _inverse(scale: Floats) -> Floats:
+    return np.asarray(np.sinh(scale))

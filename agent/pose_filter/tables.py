@@ -1,0 +1,142 @@
+"""What the sensors of a robot would read in every state of a lattice: the tables of the pose filter.
+
+The distance that a sensor takes depends on the robot's place and on the sensor's absolute direction only:
+with directions in even steps, one table serves all sensors whose mounting angles are multiples of the
+step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.pose_filter.distance_table import tabulate_distances
+from agent.pose_filter.lattice import Lattice, build_lattice
+from agent.pose_filter.reading_codes import encode
+from ciberrato.geometry import WallMap
+from ciberrato.lab import Lab
+
+Codes = NDArray[np.uint8]
+Progress = Callable[[float], None]
+
+BINS = 72
+"""Number of heading bins, 5 degrees each."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseTables:
+    """A lattice and the coded distances on it.
+
+    Attributes
+    ----------
+    lattice : Lattice
+    steps : int
+        Directions a bin: 2 means every 2.5 degrees.
+    codes : tuple of array of uint8, shape (2 * BINS * steps, squares)
+        One table for every fraction of a step that occurs among the sensors, twice around the circle so that
+        any run of directions is one slice. See `agent.pose_filter.reading_codes`.
+    sensors : tuple of (int, int)
+        For each sensor its table and by how many steps its axis is ahead of the robot's heading.
+    """
+
+    lattice: Lattice
+    steps: int
+    codes: tuple[Codes, ...]
+    sensors: tuple[tuple[int, int], ...]
+
+    def view(self, sensor: int, heading_offset: float) -> Codes:
+        """Give the codes of a sensor for all bins, at the nearest direction that is tabulated.
+
+        Parameters
+        ----------
+        sensor : int
+        heading_offset : float
+            Radians that the bins are ahead of multiples of 5 degrees.
+
+        Returns
+        -------
+        array of uint8, shape (BINS, squares)
+            A view, not a copy.
+        """
+        table, ahead = self.sensors[sensor]
+        around = BINS * self.steps
+        first = (round(heading_offset / (2.0 * math.pi) * around) + ahead) % around
+        return self.codes[table][first : first + around : self.steps]
+
+
+def sensor_layout(
+    angles: Sequence[float], steps: int
+) -> tuple[tuple[float, ...], tuple[tuple[int, int], ...]]:
+    """Say which tables a set of sensors needs.
+
+    Parameters
+    ----------
+    angles : sequence of float
+        Mounting angles in degrees.
+    steps : int
+        Directions a bin.
+
+    Returns
+    -------
+    fractions : tuple of float
+        Degrees by which the directions of each table are ahead of multiples of the step.
+    sensors : tuple of (int, int)
+        As in `PoseTables`.
+    """
+    step = 360.0 / (BINS * steps)
+    fractions: list[float] = []
+    sensors = []
+    for angle in angles:
+        whole = math.floor(angle / step + 1e-6)
+        fraction = round(angle - whole * step, 6)
+        if fraction not in fractions:
+            fractions.append(fraction)
+        sensors.append((fractions.index(fraction), whole % (BINS * steps)))
+    return tuple(fractions), tuple(sensors)
+
+
+def build_tables(
+    lab: Lab,
+    angles: Sequence[float],
+    resolution: float,
+    *,
+    steps: int = 2,
+    progress: Progress | None = None,
+) -> PoseTables:
+    """Compute the tables of a lab.
+
+    Parameters
+    ----------
+    lab : Lab
+    angles : sequence of float
+        Mounting angles of the sensors in degrees.
+    resolution : float
+        Units between the lattice's nodes.
+    steps : int
+        Directions a bin.
+    progress : callable, optional
+        Called with the fraction done, from 0 to 1.
+
+    Returns
+    -------
+    PoseTables
+    """
+    lattice = build_lattice(lab, resolution)
+    walls = WallMap.from_lab(lab)
+    fractions, sensors = sensor_layout(angles, steps)
+    codes = []
+    for number, fraction in enumerate(fractions):
+
+        def part(done: float, number: int = number) -> None:
+            if progress is not None:
+                progress((number + done) / len(fractions))
+
+        degrees = np.arange(BINS * steps) * (360.0 / (BINS * steps)) + fraction
+        distances = tabulate_distances(walls, lattice.representative, np.deg2rad(degrees), progress=part)
+        coded = encode(distances)
+        codes.append(np.concatenate([coded, coded]))
+    return PoseTables(lattice=lattice, steps=steps, codes=tuple(codes), sensors=sensors)
