@@ -83,6 +83,9 @@ def read_world(options: argparse.Namespace, notify: Print) -> tuple[Lab, StartGr
         lab_file=options.lab or parameters.lab_file,
         # Poses given in place are not announced: the robots are not to know them.
         grid_file=None if inline else options.grid or parameters.grid_file,
+        gps=parameters.gps or options.gps,
+        beacon_sensor=parameters.beacon_sensor or options.beacon,
+        compass_sensor=parameters.compass_sensor or options.compass,
     )
     if parameters.lab_file is None:
         lab = default_lab()

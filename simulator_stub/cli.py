@@ -112,6 +112,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     world.add_argument("--param", metavar="FILE", help="parameters; default: the real simulator's")
     world.add_argument("--scoring", type=int, default=0, metavar="N", help="scoring mode; default: 0")
+    for name, what in (("gps", "a GPS"), ("beacon", "beacon sensors"), ("compass", "a compass")):
+        world.add_argument(
+            f"--{name}", action="store_true", help=f"give robots {what}, whatever the parameters say"
+        )
+    world.add_argument(
+        "--showactions", action="store_true", help="accepted for the real simulator's sake; always announced"
+    )
     world.add_argument("--seed", type=_seed, metavar="N", help="of all random numbers; default: a fresh one")
     network = parser.add_argument_group("the network")
     network.add_argument(

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from ciberrato.kinematics import clamp_power
+from ciberrato.lab import Beacon
 from ciberrato.protocol import Actions
 from ciberrato.protocol.limits import SAY_LIMIT
 from ciberrato.startgrid import GridPosition
@@ -26,6 +27,8 @@ class Robot:
     name : str
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees.
+    beacons_known : tuple of Beacon
+        Those that were there when it registered: it has a sensor for each.
     x, y, heading : float
         True pose, units and radians.
     wanted : (x, y, heading)
@@ -64,6 +67,7 @@ class Robot:
     __slots__ = (
         "angles",
         "arrival_time",
+        "beacons_known",
         "collided_before",
         "collisions",
         "end_led",
@@ -104,10 +108,12 @@ class Robot:
         angles: tuple[float, float, float, float],
         start: GridPosition,
         motor_noise: Stream,
+        beacons_known: tuple[Beacon, ...] = (),
     ) -> None:
         self.robot_id = robot_id
         self.name = name
         self.angles = angles
+        self.beacons_known = beacons_known
         self.x = start.x
         self.y = start.y
         self.heading = start.direction * math.pi / 180.0
@@ -139,6 +145,12 @@ class Robot:
     def collides(self) -> bool:
         """Whether anything stopped it in the last running cycle."""
         return self.touches_wall or self.touches_robot
+
+    def visited_mask(self, targets: int) -> str:
+        """Return one digit a target, 1 where it was visited."""
+        if not self.visited:
+            return "0" * targets
+        return "".join("1" if number in self.visited else "0" for number in range(targets))
 
     def begin_cycle(self, request_limit: int) -> None:
         """Forget what lasts one cycle only."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ciberrato.lab import Lab
+from ciberrato.lab import Beacon, Lab
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     DEFAULT_SENSOR_ANGLES,
@@ -35,8 +35,13 @@ from simulator_stub.sensors import SENSORS, Scene
 from simulator_stub.simulator_state import SimulatorEvent, SimulatorState, SimulatorStateMachine
 from simulator_stub.world import World
 
+SensorAngles = tuple[float, float, float, float]
+
 NAMELESS = "(null)"
 """What a robot is called that gave no name."""
+
+GPS_OFFSET_RANGE = 1000.0
+"""Units: the GPS adds something from 0 to this to x, and to y."""
 
 
 class Simulation:
@@ -52,6 +57,15 @@ class Simulation:
         Everything random follows from it; of a generator, four numbers are drawn at once and none later.
     scoring : int
         Scoring mode.
+
+    Attributes
+    ----------
+    time : int
+        Simulated cycles so far.
+    gps_offset : (float, float)
+        What every GPS adds to x and y, in units: drawn when a world begins; may be set before the robots drive.
+    worlds : int
+        How often a world has begun: at first, and after each `reset` and `restart`.
 
     Examples
     --------
@@ -77,12 +91,17 @@ class Simulation:
         self.world = World.build(lab, grid, parameters or Parameters())
         self.scoring: Scoring = SCORINGS[scoring](self.world)
         self._noise = NoiseRoot.from_generator(np.random.default_rng(seed))
+        self.worlds = 0
+        self._machine = SimulatorStateMachine()
+        self._robots: dict[int, Robot] = {}
+        self._carried_beacon: Beacon | None = None
         self._begin_world()
 
     def _begin_world(self) -> None:
-        self._machine = SimulatorStateMachine()
-        self._robots: dict[int, Robot] = {}
         self.time = 0
+        self.worlds += 1
+        draw = self._noise.generator(0, "gps offset").random
+        self.gps_offset = (GPS_OFFSET_RANGE * float(draw()), GPS_OFFSET_RANGE * float(draw()))
 
     # --- what is in it ---------------------------------------------------------------------------
 
@@ -115,7 +134,8 @@ class Simulation:
     def register(self, registration: RobotRegistration | RobotBeaconRegistration) -> int | None:
         """Put a robot on its start position.
 
-        A robot that carries a beacon is taken only where the lab has none; its beacon is not simulated yet.
+        A robot that carries a beacon is taken only where there is no beacon yet. As in the real simulator its
+        beacon stays at (0, 0) wherever the robot goes, and only robots that register later have a sensor for it.
 
         Returns
         -------
@@ -125,31 +145,44 @@ class Simulation:
         """
         if not self._machine.registrations_open:
             return None
-        if isinstance(registration, RobotRegistration):
-            angles = registration.angles
-        elif self.world.lab.beacons:
+        if isinstance(registration, RobotBeaconRegistration) and self._beacons():
             return None
-        else:
-            angles = DEFAULT_SENSOR_ANGLES
         wanted = registration.robot_id
         places = range(1, len(self.world.grid.positions) + 1)
         free = [place for place in places if place not in self._robots]
         robot_id = wanted if wanted else (free[0] if free else 0)
         if robot_id not in free:
             return None
-        robot = Robot(
-            robot_id=robot_id,
-            name=NAMELESS if registration.name is None else registration.name,
-            angles=angles,
-            start=self.world.grid.positions[robot_id - 1],
-            motor_noise=Stream(self._noise, robot_id, "motors", running=True),
+        self._robots[robot_id] = self._make_robot(
+            robot_id,
+            NAMELESS if registration.name is None else registration.name,
+            registration.angles if isinstance(registration, RobotRegistration) else DEFAULT_SENSOR_ANGLES,
+            self._beacons(),
         )
-        robot.sensors = tuple(sensor(self.world, robot, self._noise) for sensor in SENSORS)
-        robot.request_names = frozenset(name for sensor in robot.sensors for name in sensor.request_names)
-        self._robots[robot_id] = robot
+        if isinstance(registration, RobotBeaconRegistration):
+            self._carried_beacon = Beacon(height=registration.height)
         self._robots = dict(sorted(self._robots.items()))
         self.note_client()
         return robot_id
+
+    def _beacons(self) -> tuple[Beacon, ...]:
+        carried = self._carried_beacon
+        return self.world.lab.beacons if carried is None else (*self.world.lab.beacons, carried)
+
+    def _make_robot(
+        self, robot_id: int, name: str, angles: SensorAngles, beacons: tuple[Beacon, ...]
+    ) -> Robot:
+        robot = Robot(
+            robot_id=robot_id,
+            name=name,
+            angles=angles,
+            start=self.world.grid.positions[robot_id - 1],
+            motor_noise=Stream(self._noise, robot_id, "motors", running=True),
+            beacons_known=beacons,
+        )
+        robot.sensors = tuple(sensor(self.world, robot, self._noise) for sensor in SENSORS)
+        robot.request_names = frozenset(name for sensor in robot.sensors for name in sensor.request_names)
+        return robot
 
     def note_client(self) -> None:
         """Take note that a robot or a view was accepted: the first one makes the simulator leave Ready."""
@@ -168,10 +201,39 @@ class Simulation:
         if robot_id in self._robots:
             self._robots[robot_id].removal_requested = True
 
-    def reset(self) -> None:
-        """Forget all robots and begin again, at once, with fresh random numbers of the same seed."""
+    def reset(self, seed: int | np.random.Generator | None = None) -> None:
+        """Forget all robots and begin again, at once.
+
+        Parameters
+        ----------
+        seed : int or numpy.random.Generator, optional
+            As for a new simulation; by default fresh random numbers follow from the seed that it has.
+        """
+        if seed is None:
+            self._noise = self._noise.next_world()
+        else:
+            self._noise = NoiseRoot.from_generator(np.random.default_rng(seed))
+        self._machine = SimulatorStateMachine()
+        self._robots = {}
+        self._carried_beacon = None
+        self._begin_world()
+
+    def restart(self) -> None:
+        """Begin again with the robots that are there, at once; the coming cycle is the one that starts.
+
+        The robots are put back on their start positions, as if they had just registered, in the same order of
+        ids; those that were removed stay so. Random numbers are fresh ones of the same seed.
+        """
         self._noise = self._noise.next_world()
         self._begin_world()
+        for robot_id, robot in self._robots.items():
+            fresh = self._make_robot(robot_id, robot.name, robot.angles, robot.beacons_known)
+            fresh.removal_requested = robot.removal_requested
+            if robot.state is RobotState.REMOVED:
+                fresh.state = RobotState.REMOVED
+            self._robots[robot_id] = fresh
+        self._machine = SimulatorStateMachine(SimulatorState.STOPPED)
+        self.start()
 
     # --- a cycle -----------------------------------------------------------------------------------
 
@@ -233,7 +295,8 @@ class Simulation:
         if running:
             self.time += 1
             move(self.world, present)
-        scene = Scene(present, self.time, running)
+        speakers = [robot for robot in self._robots.values() if robot.said is not None]
+        scene = Scene(present, self.time, running, speakers, self.gps_offset)
         for robot in present:
             for sensor in robot.sensors:
                 sensor.update(robot, scene)
@@ -265,6 +328,9 @@ class Simulation:
         fields: dict[str, Any] = {}
         for sensor in robot.sensors:
             sensor.report(robot, fields)
+        return self._complete(robot, fields)
+
+    def _complete(self, robot: Robot, fields: dict[str, Any]) -> Measures:
         return Measures(
             time=self.time,
             start=self._machine.coming is SimulatorState.RUNNING,
@@ -274,6 +340,13 @@ class Simulation:
             visiting_led=robot.visiting_led,
             **fields,
         )
+
+    def readings(self, robot: Robot) -> Measures:
+        """Say what the log holds: the last readings, whether or not the robot asked for them, and its LEDs."""
+        fields: dict[str, Any] = {}
+        for sensor in robot.sensors:
+            sensor.record(fields)
+        return self._complete(robot, fields)
 
     def _status(self, robot: Robot) -> RobotStatus:
         return RobotStatus(
@@ -285,9 +358,7 @@ class Simulation:
             returning_time=robot.returning_time,
             collisions=robot.collisions,
             collision=robot.collides,
-            visited_mask="".join(
-                "1" if number in robot.visited else "0" for number in range(len(self.world.lab.targets))
-            ),
+            visited_mask=robot.visited_mask(len(self.world.lab.targets)),
             state=robot.state.value,
             x=robot.x,
             y=robot.y,

@@ -54,9 +54,9 @@ class SimulatorStateMachine:
 
     __slots__ = ("coming", "current")
 
-    def __init__(self) -> None:
-        self.current = SimulatorState.READY
-        self.coming = SimulatorState.READY
+    def __init__(self, state: SimulatorState = SimulatorState.READY) -> None:
+        self.current = state
+        self.coming = state
 
     @property
     def registrations_open(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ciberrato.geometry import WallMap
 from ciberrato.lab import Lab
@@ -31,6 +31,7 @@ class World:
     parameters: Parameters
     walls: WallMap
     floor: Floor
+    _hiding: dict[float, WallMap] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def build(cls, lab: Lab, grid: StartGrid, parameters: Parameters) -> World:
@@ -42,6 +43,12 @@ class World:
             walls=WallMap.from_lab(lab),
             floor=Floor(lab),
         )
+
+    def walls_hiding(self, height: float) -> WallMap:
+        """Return the walls that hide a beacon of some height: those at least as high, border included."""
+        if height not in self._hiding:
+            self._hiding[height] = WallMap.from_lab(self.lab, at_least=height)
+        return self._hiding[height]
 
     def __deepcopy__(self, memo: dict[int, object]) -> World:
         return self

@@ -29,11 +29,17 @@ class Scene:
         Simulated cycles so far.
     running : bool
         Whether this cycle is a running one: it selects the stream of random numbers.
+    speakers : sequence of Robot
+        The robots that say something in this cycle, in order of their ids, removed ones too.
+    gps_offset : (float, float)
+        What the GPS adds to x and y, in units.
     """
 
     robots: Sequence[Robot]
     time: int
     running: bool
+    speakers: Sequence[Robot] = ()
+    gps_offset: tuple[float, float] = (0.0, 0.0)
 
 
 class Sensor(ABC):
@@ -68,6 +74,9 @@ class Sensor(ABC):
     @abstractmethod
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
         """Add to the fields of this cycle's `Measures` what is to be sent."""
+
+    def record(self, fields: dict[str, Any]) -> None:  # noqa: B027  # not every sensor is in the log
+        """Add to the fields of `Measures` what the log holds: the reading, whether or not it was asked for."""
 
 
 class Delay(Generic[Reading]):

@@ -36,3 +36,7 @@ class CollisionSensor(Sensor):
         """Report the flag."""
         if not self._requestable or "Collision" in robot.requests:
             fields["collision"] = self.reading
+
+    def record(self, fields: dict[str, Any]) -> None:
+        """Report the flag."""
+        fields["collision"] = self.reading

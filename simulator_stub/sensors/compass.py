@@ -42,3 +42,7 @@ class CompassSensor(Sensor):
         """Report it if the parameters give the robot a compass."""
         if self._present and (not self._requestable or "Compass" in robot.requests):
             fields["compass"] = self.reading
+
+    def record(self, fields: dict[str, Any]) -> None:
+        """Report it, even where the robot has no compass."""
+        fields["compass"] = self.reading

@@ -44,3 +44,7 @@ class GroundSensor(Sensor):
         """Report the number."""
         if not self._requestable or "Ground" in robot.requests:
             fields["ground"] = self.reading
+
+    def record(self, fields: dict[str, Any]) -> None:
+        """Report the number."""
+        fields["ground"] = self.reading

@@ -58,3 +58,7 @@ class InfraredSensors(Sensor):
                 reading if f"IRSensor{number}" in robot.requests else None
                 for number, reading in enumerate(self.reading)
             )
+
+    def record(self, fields: dict[str, Any]) -> None:
+        """Report all four."""
+        fields["infrared"] = self.reading

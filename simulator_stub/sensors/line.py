@@ -30,6 +30,11 @@ class LineSensor(Sensor):
 
     name = "line"
 
+    @property
+    def request_names(self) -> tuple[str, ...]:
+        """Return the name in SensorRequests: it is sent anyway, but asking for it uses up a request."""
+        return ("LineSensor",)
+
     def __init__(self, world: World, robot: Robot, noise: NoiseRoot) -> None:
         super().__init__(world, robot, noise)
         self._right_probability = world.parameters.line_sensor_true_probability
@@ -50,4 +55,8 @@ class LineSensor(Sensor):
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
         """Report it: it is always there."""
+        fields["line"] = self.reading
+
+    def record(self, fields: dict[str, Any]) -> None:
+        """Report it."""
         fields["line"] = self.reading

@@ -1,0 +1,81 @@
+"""The beacon sensors: the bearings of the lab's beacons, where no wall hides them.
+
+Draw one normal a beacon and cycle, in order of the beacons, whether the beacon is hidden or not.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from ciberrato.angles import bearing
+from ciberrato.kinematics import wrap_angle
+from ciberrato.protocol import BeaconReading
+from simulator_stub.sensors.base import Delay, Scene, Sensor
+
+if TYPE_CHECKING:
+    from ciberrato.lab import Beacon
+    from simulator_stub.noise import NoiseRoot
+    from simulator_stub.robot import Robot
+    from simulator_stub.world import World
+
+
+class BeaconSensors(Sensor):
+    """Read bearings from the robot's heading in whole degrees, plus Gaussian noise; nothing if not visible.
+
+    A beacon is visible if no wall at least as high as the beacon, border included, stands before it, and its
+    *noisy* bearing is within the aperture. Other robots hide nothing, and distance does not matter. There is a
+    sensor for each beacon that was there when the robot registered.
+    """
+
+    name = "beacons"
+
+    def __init__(self, world: World, robot: Robot, noise: NoiseRoot) -> None:
+        super().__init__(world, robot, noise)
+        parameters = world.parameters
+        self._present = parameters.beacon_sensor
+        self._requestable = parameters.beacon_requestable
+        self._deviation = parameters.beacon_noise * math.pi / 180.0
+        self._aperture = parameters.beacon_aperture
+        self._beacons = robot.beacons_known
+        hidden: tuple[float | None, ...] = (None,) * len(self._beacons)
+        self._delay = Delay(parameters.beacon_latency, hidden)
+        self.bearings = hidden
+
+    @property
+    def request_names(self) -> tuple[str, ...]:
+        """Return the names in SensorRequests."""
+        return tuple(f"Beacon{number}" for number in range(len(self._beacons)))
+
+    def update(self, robot: Robot, scene: Scene) -> None:
+        """Look for the beacons, if the parameters give the robot the sensors."""
+        if self._present:
+            draw = self.noise[scene.running].normal
+            self.bearings = self._delay.pass_through(
+                tuple(self._look(robot, beacon, draw()) for beacon in self._beacons)
+            )
+
+    def _look(self, robot: Robot, beacon: Beacon, deviate: float) -> float | None:
+        angle = wrap_angle(bearing(robot.x, robot.y, beacon.x, beacon.y) - robot.heading)
+        angle = wrap_angle(angle + self._deviation * deviate)
+        if abs(angle) > self._aperture:
+            return None
+        if self.world.walls_hiding(beacon.height).blocked(robot.x, robot.y, beacon.x, beacon.y):
+            return None
+        return float(math.floor(angle * 180.0 / math.pi + 0.5))
+
+    def report(self, robot: Robot, fields: dict[str, Any]) -> None:
+        """Report all, or those asked for."""
+        if self._present:
+            fields["beacons"] = tuple(
+                BeaconReading(beacon=number, bearing=angle)
+                for number, angle in enumerate(self.bearings)
+                if not self._requestable or f"Beacon{number}" in robot.requests
+            )
+
+    def record(self, fields: dict[str, Any]) -> None:
+        """Report all."""
+        if self._present:
+            fields["beacons"] = tuple(
+                BeaconReading(beacon=number, bearing=angle) for number, angle in enumerate(self.bearings)
+            )
