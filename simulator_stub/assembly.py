@@ -16,6 +16,7 @@ from ciberrato.parameterfile import read_parameters
 from ciberrato.parameters import Parameters
 from ciberrato.startgrid import GridPosition, StartGrid
 from maps import find_grid, find_lab, find_parameters
+from simulator_stub.kidnapping import Kidnapper, parse_kidnapping
 from simulator_stub.pace import Lockstep, Pace, RealTime
 from simulator_stub.scoring import SCORINGS
 from simulator_stub.server import Server, open_transports
@@ -109,6 +110,11 @@ def _parse_inline(text: str) -> StartGrid:
 
 def _recorders(options: argparse.Namespace) -> list[Recorder]:
     recorders: list[Recorder] = []
+    if options.kidnap:
+        try:
+            recorders.append(Kidnapper([parse_kidnapping(text) for text in options.kidnap]))
+        except ValueError as error:
+            raise UsageError(f"argument --kidnap: {error}") from None
     if options.truth is not None:
         try:
             recorders.append(TruthFile(options.truth))

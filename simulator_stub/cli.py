@@ -120,6 +120,12 @@ def _parser() -> argparse.ArgumentParser:
         "--showactions", action="store_true", help="accepted for the real simulator's sake; always announced"
     )
     world.add_argument("--seed", type=_seed, metavar="N", help="of all random numbers; default: a fresh one")
+    world.add_argument(
+        "--kidnap",
+        action="append",
+        metavar="CYCLE:X,Y,DIR",
+        help="put the first robot there before that cycle; may be given again",
+    )
     network = parser.add_argument_group("the network")
     network.add_argument(
         "--port", type=_port, default=DEFAULT_PORT, metavar="N", help="default: 6000; 0 takes any free one"

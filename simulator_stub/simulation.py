@@ -201,6 +201,26 @@ class Simulation:
         if robot_id in self._robots:
             self._robots[robot_id].removal_requested = True
 
+    def place(self, robot_id: int, x: float, y: float, heading: float) -> None:
+        """Move a robot by hand; its wheels go on as they were.
+
+        Parameters
+        ----------
+        robot_id : int
+        x, y : float
+            Units.
+        heading : float
+            Radians.
+
+        Raises
+        ------
+        KeyError
+            There is no robot of that id.
+        """
+        robot = self._robots[robot_id]
+        robot.x, robot.y, robot.heading = x, y, heading
+        robot.wanted = (x, y, heading)
+
     def reset(self, seed: int | np.random.Generator | None = None) -> None:
         """Forget all robots and begin again, at once.
 
