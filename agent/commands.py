@@ -8,10 +8,9 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, get_args
+from typing import TYPE_CHECKING, NoReturn
 
 from agent.reporter import PROGRAM, Reporter
-from agent.runlog import DistanceModel, Preset
 from ciberrato.errors import CiberratoError, UsageError
 
 if TYPE_CHECKING:
@@ -19,6 +18,10 @@ if TYPE_CHECKING:
     from agent.signals import Interrupts
     from ciberrato.lab import Lab
 
+# As in agent.runlog, which is not imported yet: its records take time that the registration should not wait
+# for.
+PRESETS = ("calibrated", "seed")
+DISTANCES = ("sensor", "cone")
 DEFAULT_MAP = "standard"
 DEFAULT_LOG = Path("run.jsonl")
 DEFAULT_OUTPUT = Path("localization.out")
@@ -68,12 +71,14 @@ def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _localize(options: argparse.Namespace, interrupts: Interrupts) -> int:
+    import hashlib
+
     from agent.runlog import read_run
 
     run = read_run(options.run)
-    lab, path, digest = _read_lab(options.map)
+    lab, path, data = _read_lab(options.map)
     _check_output(options.output)
-    if digest != run.header.lab_sha256:
+    if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
         Reporter().warn(
             f"{options.run} was recorded in {run.header.lab_name}, whose contents differ from those of {path}"
         )
@@ -109,7 +114,7 @@ def _settings(options: argparse.Namespace) -> Settings:
     from ciberrato.net.address import parse_address
 
     host, port = parse_address(options.host)
-    lab, path, digest = _read_lab(options.map)
+    lab, path, data = _read_lab(options.map)
     _check_output(options.output)
     _check_output(options.log)
     if options.log.resolve() == options.output.resolve():
@@ -122,7 +127,7 @@ def _settings(options: argparse.Namespace) -> Settings:
         name=options.robname,
         lab=lab,
         lab_file=path,
-        lab_sha256=digest,
+        lab_data=data,
         angles=options.angles,
         cruise=options.cruise,
         exit_at_wall=options.exit_at_wall,
@@ -138,9 +143,7 @@ def _settings(options: argparse.Namespace) -> Settings:
     )
 
 
-def _read_lab(name_or_path: str) -> tuple[Lab, Path, str]:
-    import hashlib
-
+def _read_lab(name_or_path: str) -> tuple[Lab, Path, bytes]:
     from ciberrato.labfile import parse_lab_with_warnings
     from maps import find_lab
 
@@ -154,7 +157,7 @@ def _read_lab(name_or_path: str) -> tuple[Lab, Path, str]:
         Reporter().warn(warning)
     if lab.rows < 1 or lab.columns < 1:
         raise UsageError(f"{path}: the lab is smaller than a cell; there is nothing to localize in")
-    return lab, path, hashlib.sha256(data).hexdigest()
+    return lab, path, data
 
 
 def _check_output(path: Path) -> None:
@@ -199,9 +202,9 @@ def _run_parser() -> argparse.ArgumentParser:
     add("--transport", choices=("udp", "tcp"), default="udp", help="default: udp")
     add("--log", type=Path, default=DEFAULT_LOG, metavar="FILE", help=f"default: {DEFAULT_LOG}")
     _add_output(parser)
-    add("--preset", choices=get_args(Preset), default="calibrated", help="default: calibrated")
+    add("--preset", choices=PRESETS, default="calibrated", help="default: calibrated")
     _add_precision(parser, default=3)
-    add("--distance", choices=get_args(DistanceModel), default="sensor", help="default: sensor")
+    add("--distance", choices=DISTANCES, default="sensor", help="default: sensor")
     add(
         "--angles",
         type=_angles,
@@ -224,7 +227,7 @@ def _localize_parser() -> argparse.ArgumentParser:
     add("run", type=Path, metavar="RUN", help="the log, run.jsonl")
     add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
     _add_output(parser)
-    add("--preset", choices=get_args(Preset), help="of the filter; default: that of the run")
+    add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
     _add_precision(parser, default=None)
     add("--quiet", action="store_true", help="no table")
     return parser

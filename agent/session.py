@@ -40,7 +40,8 @@ class Settings:
         The robot's.
     lab : Lab
     lab_file : Path
-    lab_sha256 : str
+    lab_data : bytes
+        What the file holds.
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees.
     cruise : float
@@ -69,7 +70,7 @@ class Settings:
     name: str
     lab: Lab
     lab_file: Path
-    lab_sha256: str
+    lab_data: bytes
     angles: tuple[float, float, float, float]
     cruise: float
     exit_at_wall: bool
@@ -149,6 +150,8 @@ class Session:
 
     def _drive(self, link: Link, answer: Answer) -> str:
         """Answer Measures until something ends the run; return what."""
+        import hashlib
+
         from agent.controller import Controller
         from agent.runlog import RunHeader, RunWriter
 
@@ -157,7 +160,7 @@ class Session:
         self._worker.announce(parameters)
         self._header = RunHeader(
             lab_name=settings.lab_file.name,
-            lab_sha256=settings.lab_sha256,
+            lab_sha256=hashlib.sha256(settings.lab_data).hexdigest(),
             parameters=parameters,
             n_beacons=answer.acceptance.n_beacons,
             sensor_angles=settings.angles,

@@ -132,3 +132,13 @@ def test_every_field_type_is_checked() -> None:
     for kind in (RunHeader, Cycle, Parameters):
         for field in dataclasses.fields(kind):
             assert str(field.type).removesuffix(" | None") in _CHECKS
+
+
+def test_the_command_line_offers_what_the_log_knows() -> None:
+    from typing import get_args
+
+    from agent.commands import DISTANCES, PRESETS
+    from agent.runlog import DistanceModel, Preset
+
+    assert set(PRESETS) == set(get_args(Preset))
+    assert set(DISTANCES) == set(get_args(DistanceModel))
