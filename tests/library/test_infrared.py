@@ -67,6 +67,20 @@ def test_slanted_and_overlapping_walls_agree_with_the_angle_rules(clutter, rng):
     )
 
 
+@pytest.mark.parametrize("name", ["standard", "rooms", "diagonals"])
+def test_on_a_lattice_rays_through_corners_and_along_faces_agree_with_the_angle_rules(shipped, rng, name):
+    walls = shipped(name)
+    x, y = rng.integers(1, 56, 600) / 2.0, rng.integers(1, 28, 600) / 2.0
+    direction = wrap_angle(rng.integers(-12, 12, 600) * 15.0 * math.pi / 180.0)
+    expected = by_angles(walls, x, y, direction)
+    np.testing.assert_allclose(sensor_distances(walls, x, y, direction), expected, rtol=0, atol=1e-12)
+    single = [
+        distances_at(walls, px, py, [axis])[0]
+        for px, py, axis in zip(x.tolist(), y.tolist(), direction.tolist(), strict=True)
+    ]
+    np.testing.assert_allclose(single, expected, rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("name", names("lab"))
 def test_one_robot_and_many_agree(shipped, rng, name):
     walls = shipped(name)
