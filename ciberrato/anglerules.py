@@ -57,6 +57,37 @@ def distance_by_angles(walls: NearbyFaces, x: float, y: float, direction: float)
     return nearest
 
 
+def ray_distance_by_angles(walls: NearbyFaces, x: float, y: float, angle: float) -> float:
+    """Distance along one ray to the nearest wall, by the same rules.
+
+    Parameters
+    ----------
+    walls : NearbyFaces
+    x, y : float
+        Where the ray begins, in units.
+    angle : float
+        Radians, wrapped once.
+
+    Returns
+    -------
+    float
+        Units; infinite where no wall is hit.
+    """
+    nearest = math.inf
+    for bound, (x0, y0, x1, y1, *_) in walls.nearest_first(x, y):
+        if bound > nearest:
+            break
+        start, end = bearing(x, y, x0, y0), bearing(x, y, x1, y1)
+        if start == end:
+            if angle == start:
+                nearest = min(nearest, _length(x, y, x0, y0), _length(x, y, x1, y1))
+        elif _between(angle, start, end):
+            hit = _crossing(x, y, angle, x0, y0, x1, y1)
+            if hit is not None:
+                nearest = min(nearest, _length(x, y, *hit))
+    return nearest
+
+
 def _between(angle: float, one: float, other: float) -> bool:
     least, greatest = min(one, other), max(one, other)
     if greatest - least <= math.pi:

@@ -9,8 +9,9 @@ cycle of a simulation is::
     wall, robot = resolve_collisions(walls, poses, wanted, speeds)
     poses = [settle(*triple) for triple in zip(poses, wanted, or_(wall, robot))]
 
-A robot that does not move in this cycle (finished, or stopped) takes part with its pose as the wanted one:
-others can run into it. A removed robot is left out. Poses are (x, y, heading) in units and radians.
+A robot that is finished takes part with the pose that its motors want, though it is going to stay where it
+is: others can run into it, and it can collide by itself. A removed robot is left out. Poses are
+(x, y, heading) in units and radians.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from ciberrato.startgrid import GridPosition, StartGrid
 from maps import find_grid, find_lab, find_parameters
 from simulator_stub.kidnapping import Kidnapper, parse_kidnapping
 from simulator_stub.pace import Lockstep, Pace, RealTime
+from simulator_stub.referencefiles import ReferenceFiles
 from simulator_stub.scoring import SCORINGS
 from simulator_stub.server import Server, open_transports
 from simulator_stub.session import Recorder, Session
@@ -120,6 +121,8 @@ def _recorders(options: argparse.Namespace) -> list[Recorder]:
             recorders.append(TruthFile(options.truth))
         except OSError as error:
             raise UsageError(f"argument --truth: {options.truth}: {error.strerror}") from None
+    if SCORINGS[options.scoring].has_documents:
+        recorders.append(ReferenceFiles(options.scoring_files))
     return recorders
 
 

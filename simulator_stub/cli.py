@@ -153,6 +153,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     output = parser.add_argument_group("output")
     output.add_argument("--truth", type=Path, metavar="FILE", help="write the true poses there, as CSV")
+    output.add_argument(
+        "--scoring-files",
+        type=Path,
+        default=Path(),
+        metavar="DIR",
+        help="where scoring modes 2, 3, 5 and 6 write mapping.out or planning.out; default: here",
+    )
     output.add_argument("--quiet", action="store_true", help="no messages but errors, seed and ports")
     return parser
 

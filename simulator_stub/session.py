@@ -31,6 +31,7 @@ from ciberrato.protocol import (
     RemoveRobot,
     Reset,
     Restart,
+    RobotBeaconRegistration,
     Start,
     Stop,
     ViewCommand,
@@ -98,7 +99,7 @@ class Session:
         self._notify = notify
         self._registrations: deque[tuple[Newcomer, bytes]] = deque()
         self._reply = encode(fit_reply(simulation.acceptance()))
-        self._lab = encode(simulation.world.lab)
+        self._lab = encode(simulation.lab_shown())
         self._grid = encode(simulation.world.grid)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> None:
@@ -187,6 +188,8 @@ class Session:
             peer.close()
             self._notify(f"refused a robot at position {registration.robot_id} from {peer.label}")
             return
+        if isinstance(registration, RobotBeaconRegistration):
+            self._lab = encode(self.simulation.lab_shown())
         self.robots[robot_id] = RobotSeat(robot_id, peer)
         self.robots = dict(sorted(self.robots.items()))
         peer.send(self._reply)
@@ -230,6 +233,7 @@ class Session:
         self.robots = {}
         self._autostarted = False
         self.simulation.reset()
+        self._lab = encode(self.simulation.lab_shown())
         self._notify("reset")
 
     def _state_changed(self) -> None:

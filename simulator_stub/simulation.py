@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,8 @@ class Simulation:
     time : int
         Simulated cycles so far.
     gps_offset : (float, float)
-        What every GPS adds to x and y, in units: drawn when a world begins; may be set before the robots drive.
+        What every GPS adds to x and y, in units: drawn when a world begins; may be set before the robots
+        drive.
     worlds : int
         How often a world has begun: at first, and after each `reset` and `restart`.
 
@@ -100,6 +102,7 @@ class Simulation:
     def _begin_world(self) -> None:
         self.time = 0
         self.worlds += 1
+        self.scoring = type(self.scoring)(self.world)
         draw = self._noise.generator(0, "gps offset").random
         self.gps_offset = (GPS_OFFSET_RANGE * float(draw()), GPS_OFFSET_RANGE * float(draw()))
 
@@ -129,13 +132,18 @@ class Simulation:
         """Return what clients are told when they register."""
         return Acceptance(parameters=self.world.parameters, n_beacons=len(self.world.lab.beacons))
 
+    def lab_shown(self) -> Lab:
+        """Return the lab as views and logs get it: with the beacon that a robot carries, if there is one."""
+        return replace(self.world.lab, beacons=self._beacons())
+
     # --- what others want of it, between cycles -----------------------------------------------------
 
     def register(self, registration: RobotRegistration | RobotBeaconRegistration) -> int | None:
         """Put a robot on its start position.
 
         A robot that carries a beacon is taken only where there is no beacon yet. As in the real simulator its
-        beacon stays at (0, 0) wherever the robot goes, and only robots that register later have a sensor for it.
+        beacon stays at (0, 0) wherever the robot goes, and only robots that register later have a sensor for
+        it.
 
         Returns
         -------
@@ -362,7 +370,7 @@ class Simulation:
         )
 
     def readings(self, robot: Robot) -> Measures:
-        """Say what the log holds: the last readings, whether or not the robot asked for them, and its LEDs."""
+        """Say what the log holds: the last readings, asked for or not, and the LEDs."""
         fields: dict[str, Any] = {}
         for sensor in robot.sensors:
             sensor.record(fields)

@@ -76,7 +76,7 @@ class Sensor(ABC):
         """Add to the fields of this cycle's `Measures` what is to be sent."""
 
     def record(self, fields: dict[str, Any]) -> None:  # noqa: B027  # not every sensor is in the log
-        """Add to the fields of `Measures` what the log holds: the reading, whether or not it was asked for."""
+        """Add to the fields of `Measures` what the log holds: the reading, asked for or not."""
 
 
 class Delay(Generic[Reading]):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from ciberrato.anglerules import ray_distance_by_angles
 from ciberrato.angles import bearing
 from ciberrato.kinematics import wrap_angle
 from ciberrato.protocol import BeaconReading
@@ -20,12 +21,16 @@ if TYPE_CHECKING:
     from simulator_stub.world import World
 
 
+ON_A_WALL = 1e-9
+"""Units: a beacon this near to a wall that may hide it stands on it."""
+
+
 class BeaconSensors(Sensor):
     """Read bearings from the robot's heading in whole degrees, plus Gaussian noise; nothing if not visible.
 
     A beacon is visible if no wall at least as high as the beacon, border included, stands before it, and its
-    *noisy* bearing is within the aperture. Other robots hide nothing, and distance does not matter. There is a
-    sensor for each beacon that was there when the robot registered.
+    *noisy* bearing is within the aperture. Other robots hide nothing, and distance does not matter. There is
+    a sensor for each beacon that was there when the robot registered.
     """
 
     name = "beacons"
@@ -56,13 +61,19 @@ class BeaconSensors(Sensor):
             )
 
     def _look(self, robot: Robot, beacon: Beacon, deviate: float) -> float | None:
-        angle = wrap_angle(bearing(robot.x, robot.y, beacon.x, beacon.y) - robot.heading)
-        angle = wrap_angle(angle + self._deviation * deviate)
-        if abs(angle) > self._aperture:
-            return None
-        if self.world.walls_hiding(beacon.height).blocked(robot.x, robot.y, beacon.x, beacon.y):
+        direction = bearing(robot.x, robot.y, beacon.x, beacon.y)
+        angle = wrap_angle(wrap_angle(direction - robot.heading) + self._deviation * deviate)
+        if abs(angle) > self._aperture or self._is_hidden(robot, beacon, direction):
             return None
         return float(math.floor(angle * 180.0 / math.pi + 0.5))
+
+    def _is_hidden(self, robot: Robot, beacon: Beacon, direction: float) -> bool:
+        walls = self.world.walls_hiding(beacon.height)
+        if not walls.touches(beacon.x, beacon.y, ON_A_WALL):
+            return bool(walls.blocked(robot.x, robot.y, beacon.x, beacon.y))
+        # The last bit decides, as with the carried beacon, which stands on the border: ask the real rules.
+        distance = math.sqrt((robot.x - beacon.x) ** 2 + (robot.y - beacon.y) ** 2)
+        return ray_distance_by_angles(walls.nearby, robot.x, robot.y, direction) < distance
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
         """Report all, or those asked for."""
