@@ -24,8 +24,8 @@ HALF_APERTURE = math.pi / 6
 """Radians from the sensor's axis to the edge of its cone."""
 
 _COS, _SIN, _TAN = math.cos(HALF_APERTURE), math.sin(HALF_APERTURE), math.tan(HALF_APERTURE)
-_FIRST_REACH = 3.0
-"""Units; nine of ten sensors in a maze see a wall within it."""
+_REACHES = (3.0, 9.0)
+"""Units; nine of ten sensors in a maze see a wall within the first. Whoever sees none is asked again."""
 _BLOCK = 512
 """Sensors worked on at once, in labs with fewer than 8192 faces."""
 _BLOCK_ELEMENTS = 2**22
@@ -63,7 +63,7 @@ def cone_distances(walls: WallMap, x: Floats, y: Floats, direction: Floats, *, e
         chosen = np.arange(begin, min(begin + block, direction.size))
         sensors = np.stack((x[chosen], y[chosen], cosine[chosen], sine[chosen]))
         far = 4.0 * (1.0 + max(float(np.abs(array).max(initial=0.0)) for array in (low, high, sensors[:2])))
-        for reach in (_FIRST_REACH, far):
+        for reach in (*_REACHES, far):
             near = _boxes_meet(sensors, reach, low, high)
             closeness = _closeness(walls, sensors, near, every_point)
             result[chosen] = closeness
