@@ -10,6 +10,8 @@ import threading
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ciberrato.errors import LabError
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -189,6 +191,7 @@ class GroundTruthWorker:
         self._model: DistanceModel = model
         self._parameters: Parameters | None = None
         self._announced = threading.Event()
+        self._abandoned = False
         self._tables: GroundTruth | None = None
         self.error: BaseException | None = None
         """What went wrong, as soon as it has."""
@@ -227,11 +230,23 @@ class GroundTruthWorker:
         assert self._tables is not None
         return self._tables
 
+    def abandon(self) -> None:
+        """Make the thread end as soon as it can, and wait for that: what it works out is not wanted."""
+        self._abandoned = True
+        self._announced.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
     def _run(self) -> None:
         try:
             import ciberrato.infrared  # noqa: F401 (its imports cost more than the tables: not after the announcement)
 
             self._announced.wait()
+            if self._abandoned:
+                return
             self._tables = compute_ground_truth(self._lab, self._angles, self._parameters, model=self._model)
+        except MemoryError:
+            size = f"{self._lab.rows} x {self._lab.columns} cells"
+            self.error = LabError(f"not enough memory for the ground truth of {size}", source=self._lab.name)
         except BaseException as error:
             self.error = error

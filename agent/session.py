@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from agent.phases import Phase
 from agent.registration import Answer, register
-from ciberrato.errors import CiberratoError, ProtocolError, UsageError
+from ciberrato.errors import ProtocolError, UsageError
 from ciberrato.net.link import Link, LinkError
 from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
 
@@ -139,6 +139,8 @@ class Session:
             return self._finish(link, reason)
         finally:
             link.close()
+            if self._worker is not None:
+                self._worker.abandon()
 
     def _start_worker(self) -> None:
         # Not before the registration is on its way: its imports take most of the start.
@@ -209,6 +211,8 @@ class Session:
                 self._record(cycle, writer)
             if controller.ended is not None:
                 return controller.ended
+            if self._worker is not None and self._worker.error is not None:
+                return "the ground truth failed"
             now = time.monotonic()
             if measures:
                 heard = now
@@ -267,8 +271,8 @@ class Session:
                 output=settings.output,
                 precision=settings.precision,
             )
-        except CiberratoError:
-            self._reporter.warn(f"the log {settings.log} is complete; ciberrato-agent localize works from it")
+        except Exception:
+            self._reporter.warn(f"{settings.output} is not written; the log {settings.log} has the whole run")
             raise
         self._stop(link)
         if not settings.quiet:

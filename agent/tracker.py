@@ -81,6 +81,7 @@ class CellTracker:
         self._surprises: deque[float] = deque(maxlen=16)
         self._newest: list[tuple[float, int] | None] = [None] * 4
         self._moved = False
+        self._collided = False
         self._rest = 0
         self._messages = 0
         self._step = 0
@@ -164,8 +165,10 @@ class CellTracker:
     def _advance(self, measures: Measures, command: Command) -> None:
         cycles = 0 if self._time is None else measures.time - self._time
         self._time = measures.time
+        collided, self._collided = self._collided, bool(measures.collision)
         for remaining in range(cycles, 0, -1):
-            self._filter.move(command, blocked=remaining == 1 and bool(measures.collision))
+            # Of cycles whose messages were lost: a robot that collided before and after did so in between.
+            self._filter.move(command, blocked=self._collided and (collided or remaining == 1))
         if cycles == 0:
             self._filter.stand()
         self._moved = self._moved or not self.at_rest
