@@ -8,7 +8,7 @@ Models are imported from their own modules: `ciberrato.bayes.motion`, `.sensors`
 
 from __future__ import annotations
 
-from ciberrato.bayes.filtering import MarkovFilter, Update, predict, update
+from ciberrato.bayes.filtering import MarkovFilter, Update, predict, update, update_by_likelihood
 from ciberrato.bayes.recovery import ImpossiblePolicy, ImpossibleReadingError
 from ciberrato.bayes.spaces import Axis, StateSpace
 from ciberrato.bayes.summaries import (
@@ -37,4 +37,5 @@ __all__ = [
     "most_likely_cells",
     "predict",
     "update",
+    "update_by_likelihood",
 ]

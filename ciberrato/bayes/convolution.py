@@ -21,6 +21,10 @@ leaves is gone, and the sum of the belief says how much."""
 
 EDGES: tuple[str, ...] = get_args(Edge)
 
+# For a long line and few weights, products of pieces that stay in the cache are several times as fast as
+# numpy's own convolution.
+_LONG, _FEW, _PIECE = 1500, 40, 8192
+
 
 class Kernel(NamedTuple):
     """A distribution over whole cells along one axis.
@@ -202,13 +206,41 @@ def convolve(
     axis %= belief.ndim
     size = belief.shape[axis]
     if belief.ndim == 1:
+        margin = len(weights) + abs(first)
+        if size > max(_LONG, 2 * margin) and len(weights) <= _FEW and edge != "stay":
+            return _convolve_long(belief, weights, first, edge)
         return fold(np.convolve(belief, weights), first, size, edge, 0)
     full = np.zeros((*belief.shape[:axis], size + len(weights) - 1, *belief.shape[axis + 1 :]))
     lead = (slice(None),) * axis
+    product = np.empty_like(belief)
     for k, weight in enumerate(weights):
         if weight != 0.0:
-            full[(*lead, slice(k, k + size))] += weight * belief
+            np.multiply(belief, weight, out=product)
+            full[(*lead, slice(k, k + size))] += product
     return fold(full, first, size, edge, axis)
+
+
+def _convolve_long(line: FloatArray, weights: FloatArray, first: int, edge: Edge) -> FloatArray:
+    """Convolve a line much longer than the kernel's reach."""
+    size, taps = len(line), len(weights)
+    result = np.empty(size)
+    # Cells all of whose sources are on the line; the others are looked up one by one.
+    low, high = max(0, first + taps - 1), min(size, size + first)
+    product = np.empty(_PIECE)
+    for start in range(low, high, _PIECE):
+        stop = min(start + _PIECE, high)
+        piece, other = result[start:stop], product[: stop - start]
+        np.multiply(line[start - first : stop - first], weights[0], out=piece)
+        for k in range(1, taps):
+            np.multiply(line[start - first - k : stop - first - k], weights[k], out=other)
+            piece += other
+    border = np.r_[0:low, high:size]
+    source = border[:, np.newaxis] - first - np.arange(taps)
+    found = line[source % size]
+    if edge == "lose":
+        found = np.where((source >= 0) & (source < size), found, 0.0)
+    result[border] = found @ weights
+    return result
 
 
 def convolve_all(

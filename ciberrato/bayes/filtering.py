@@ -111,6 +111,45 @@ def update(
     return Update(_written(posterior, out), log_evidence)
 
 
+def update_by_likelihood(
+    belief: ArrayLike,
+    likelihood: ArrayLike,
+    *,
+    on_impossible: ImpossiblePolicy = "raise",
+    out: FloatArray | None = None,
+) -> Update:
+    """Correct a belief by a reading's likelihood itself, where probabilities are far from underflow.
+
+    Parameters as of `update`, but for `likelihood`: p(reading | state), 0 or more and finite. One product,
+    one sum and one scaling.
+
+    Returns
+    -------
+    Update
+
+    Raises
+    ------
+    ImpossibleReadingError, ValueError
+        As `update`.
+    """
+    belief = np.asarray(belief, dtype=float)
+    likelihood = np.asarray(likelihood, dtype=float)
+    if belief.shape != likelihood.shape:
+        raise ValueError(f"belief has shape {belief.shape}, likelihood {likelihood.shape}")
+    weights = np.multiply(belief, likelihood, out=out)
+    total = float(np.add.reduce(weights, axis=None))
+    # A negative product is only possible if one factor is; nan and infinity show in the sum.
+    if not np.minimum.reduce(weights, axis=None, initial=0.0) >= 0.0 or not total < np.inf:
+        raise ValueError("beliefs and likelihoods must be finite and not negative")
+    if total > _SAFE_TOTAL:
+        np.multiply(weights, 1.0 / total, out=weights)
+        return Update(weights, math.log(total))
+    if out is not None and (np.may_share_memory(out, belief) or np.may_share_memory(out, likelihood)):
+        raise ValueError("products underflow, and `out` has overwritten what they came from; use `update`")
+    with np.errstate(divide="ignore"):
+        return update(belief, np.log(likelihood), on_impossible=on_impossible, out=out)
+
+
 def _update_by_logarithms(belief: FloatArray, log_likelihood: FloatArray) -> tuple[FloatArray, float]:
     with np.errstate(divide="ignore"):
         scores = np.log(belief) + log_likelihood

@@ -103,6 +103,23 @@ def test_kernel_has_the_moments_it_was_asked_for(mean, variance):
     assert kernel.dropped <= 1e-9
 
 
+@pytest.mark.parametrize("edge", ["wrap", "lose", "stay"])
+@pytest.mark.parametrize("first", [-40, -2, 0, 3, 55])
+def test_long_lines_equal_the_sum_cell_by_cell(edge, first):
+    rng = np.random.default_rng(8)
+    line, weights = rng.random(20_000), rng.dirichlet(np.ones(5))
+    expected = np.zeros(20_000)
+    for k, weight in enumerate(weights):
+        places = np.arange(20_000) + first + k
+        if edge == "lose":
+            kept = (places >= 0) & (places < 20_000)
+        else:
+            kept = np.ones(20_000, dtype=bool)
+            places = places % 20_000 if edge == "wrap" else np.clip(places, 0, 19_999)
+        np.add.at(expected, places[kept], weight * line[kept])
+    np.testing.assert_allclose(convolve(line, weights, first, edge=edge), expected, atol=1e-14)
+
+
 def test_wide_kernel_is_the_gaussian_density_and_reports_its_tail():
     kernel = gaussian_kernel(0.3, 9.0, tail=0.01)
     cells = kernel.first + np.arange(len(kernel.weights))

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciberrato.bayes import ImpossibleReadingError, MarkovFilter, predict, update
+from ciberrato.bayes import ImpossibleReadingError, MarkovFilter, predict, update, update_by_likelihood
 
 masses = st.lists(st.integers(0, 50), min_size=1, max_size=12).filter(lambda m: sum(m) > 0)
 
@@ -140,3 +140,29 @@ def test_a_filter_whose_mass_is_all_lost_recovers_at_the_next_reading():
     belief = belief_filter.update(np.log([0.2, 0.6]))
     np.testing.assert_allclose(belief, [0.25, 0.75])
     assert belief_filter.recoveries == 1
+
+
+@given(masses, st.data())
+def test_likelihoods_themselves_give_the_same_as_their_logarithms(prior, data):
+    likelihood = np.array(data.draw(st.lists(st.floats(0.0, 9.0), min_size=len(prior), max_size=len(prior))))
+    belief = np.array(prior, dtype=float) / sum(prior)
+    with np.errstate(divide="ignore"):
+        expected = update(belief, np.log(likelihood), on_impossible="uniform")
+    ours = update_by_likelihood(belief, likelihood, on_impossible="uniform")
+    np.testing.assert_allclose(ours.posterior, expected.posterior, rtol=1e-9, atol=1e-300)
+    assert ours.log_evidence == pytest.approx(expected.log_evidence, rel=1e-9, abs=1e-12)
+
+
+def test_likelihoods_that_are_none_or_underflow_in_place_are_refused():
+    for belief, likelihood in (
+        ([1.0], [-1.0]),
+        ([0.5, 0.5], [np.nan, 1.0]),
+        ([1.0], [np.inf]),
+        ([1.0], [1.0, 2.0]),
+    ):
+        with pytest.raises(ValueError, match=r"belief|likelihood"):
+            update_by_likelihood(belief, likelihood)
+    belief = np.array([1.0, 1e-300])
+    with pytest.raises(ValueError, match="use `update`"):
+        update_by_likelihood(belief, [0.0, 1e-200], out=belief)
+    assert update_by_likelihood([1.0, 1e-300], [0.0, 1e-200]).posterior.tolist() == [0.0, 1.0]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,12 @@ from ciberrato.bayes.arraytypes import BoolArray, FloatArray
 Direction = Literal["east", "west", "north", "south"]
 BlockedPolicy = Literal["stay", "lose"]
 
+_ALL = slice(None)
+# By array axis: all cells but the first, all but the last, the first, the last.
+_SLICES = (
+    ((slice(1, None), _ALL), (slice(None, -1), _ALL), (slice(0, 1), _ALL), (slice(-1, None), _ALL)),
+    ((_ALL, slice(1, None)), (_ALL, slice(None, -1)), (_ALL, slice(0, 1)), (_ALL, slice(-1, None))),
+)
 # (array axis, step along it); row 0 is the southernmost.
 _STEPS: dict[str, tuple[int, int]] = {"east": (1, 1), "west": (1, -1), "north": (0, 1), "south": (0, -1)}
 
@@ -40,6 +46,7 @@ class Openings:
 
     east: BoolArray
     north: BoolArray
+    _ahead: dict[Direction, BoolArray] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("east", "north"):
@@ -52,6 +59,10 @@ class Openings:
         rows, columns = self.shape
         if self.east.shape[1] not in (columns - 1, columns) or self.north.shape[0] not in (rows - 1, rows):
             raise ValueError(f"east openings {self.east.shape} do not fit north openings {self.north.shape}")
+        ahead = {direction: self._look(direction) for direction in get_args(Direction)}
+        for values in ahead.values():
+            values.setflags(write=False)
+        object.__setattr__(self, "_ahead", ahead)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -67,7 +78,10 @@ class Openings:
         )
 
     def ahead(self, direction: Direction) -> BoolArray:
-        """Tell for each cell, shape (rows, columns), whether a step in a direction is possible."""
+        """Tell for each cell, shape (rows, columns), whether a step in a direction is possible; read-only."""
+        return self._ahead[direction]
+
+    def _look(self, direction: Direction) -> BoolArray:
         axis, step = _STEPS[direction]
         gaps = self.east if axis == 1 else self.north
         size = self.shape[axis]
@@ -132,8 +146,6 @@ class BlockedShift:
             raise ValueError(f"no direction {direction!r}; there are {', '.join(_STEPS)}")
         if steps < 0:
             raise ValueError(f"a number of steps is 0 or more, not {steps}")
-        axis, step = _STEPS[direction]
-        ahead = self.openings.ahead(direction)
         chance: dict[int, float] = {}
         for slip, probability in self.arrival.items():
             made = max(0, steps + slip)
@@ -142,7 +154,20 @@ class BlockedShift:
         moving = belief
         for made in range(max(chance) + 1):
             if made:
-                arrived = np.roll(np.where(ahead, moving, 0.0), step, axis=axis)
-                moving = arrived + np.where(ahead, 0.0, moving) if self.blocked == "stay" else arrived
-            result += chance.get(made, 0.0) * moving
+                moving = self._step(moving, direction)
+            if made in chance:
+                result += chance[made] * moving
         return result
+
+    def _step(self, belief: FloatArray, direction: Direction) -> FloatArray:
+        axis, step = _STEPS[direction]
+        going = belief * self.openings.ahead(direction)
+        result = belief - going if self.blocked == "stay" else np.zeros_like(belief)
+        front, back, first, last = _SLICES[axis]
+        if step > 0:
+            result[front] += going[back]
+            result[first] += going[last]  # round about; nothing where the outer wall is closed
+        else:
+            result[back] += going[front]
+            result[last] += going[first]
+        return np.asarray(result)
