@@ -18,6 +18,12 @@ class Scoring:
     Parameters
     ----------
     world : World
+
+    Attributes
+    ----------
+    documents : dict of str to str
+        Files that the real simulator leaves in its working directory, by name. They appear when a robot
+        begins at time 0, and each robot overwrites those of the one before.
     """
 
     mode: ClassVar[int]
@@ -26,8 +32,12 @@ class Scoring:
     judges_returning: ClassVar[bool] = False
     """Whether the returning LED changes a robot's state."""
 
+    has_documents: ClassVar[bool] = False
+    """Whether there will be `documents`."""
+
     def __init__(self, world: World) -> None:
         self.world = world
+        self.documents: dict[str, str] = {}
 
     def begin(self, robot: Robot) -> None:
         """Prepare for a robot that is about to run for the first time, at time 0."""
@@ -48,3 +58,18 @@ class Scoring:
     def may_return(self, robot: Robot) -> bool:
         """Whether the returning LED, lit now, begins a return; otherwise it ends the robot's run."""
         return False
+
+    def collision_penalty(self, robot: Robot) -> int:
+        """Price of a collision that begins in this cycle; 0 if none does.
+
+        Walls and robots are paid for separately, both if both are touched.
+        """
+        if not robot.collides or robot.collided_before:
+            return 0
+        parameters = self.world.parameters
+        penalty = 0
+        if robot.touches_wall:
+            penalty += parameters.collision_wall_penalty
+        if robot.touches_robot:
+            penalty += parameters.collision_robot_penalty
+        return penalty

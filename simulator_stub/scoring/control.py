@@ -1,0 +1,33 @@
+"""Mode 1: round a circuit of cells between walls."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator_stub.scoring.cells import cell_of, is_open
+from simulator_stub.scoring.circuits import Circuit, CircuitScoring, Node, Progress, trace
+
+if TYPE_CHECKING:
+    from simulator_stub.robot import Robot
+
+TURNS = (0, -90, 90)
+
+
+class Control(CircuitScoring):
+    """Cells of 2 x 2; at each one straight on, else right, else left, whichever has no wall before it."""
+
+    mode = 1
+
+    def find_circuit(self, x: float, y: float) -> Circuit:
+        """Find the circuit of cells."""
+        walls = self.world.walls
+
+        def passes(cell: Node, step: tuple[int, int]) -> bool:
+            return is_open(walls, cell, step)
+
+        return trace(cell_of(x, y), TURNS, passes)
+
+    def follow(self, robot: Robot, progress: Progress) -> None:
+        """Give points in the coming cell; other cells do nothing."""
+        if cell_of(robot.x, robot.y) == progress.circuit[progress.coming]:
+            progress.reach()
