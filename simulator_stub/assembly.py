@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import secrets
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,11 +18,15 @@ from ciberrato.parameters import Parameters
 from ciberrato.startgrid import GridPosition, StartGrid
 from maps import find_grid, find_lab, find_parameters
 from simulator_stub.kidnapping import Kidnapper, parse_kidnapping
+from simulator_stub.log import LogFile
 from simulator_stub.pace import Lockstep, Pace, RealTime
+from simulator_stub.records import Recorder
 from simulator_stub.referencefiles import ReferenceFiles
+from simulator_stub.results import Results
+from simulator_stub.runs import Runs
 from simulator_stub.scoring import SCORINGS
 from simulator_stub.server import Server, open_transports
-from simulator_stub.session import Recorder, Session
+from simulator_stub.session import Session
 from simulator_stub.simulation import Simulation
 from simulator_stub.transports import TRANSPORTS, Transport
 from simulator_stub.truth import TruthFile
@@ -64,16 +69,17 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
         [name for name in TRANSPORTS if name != "tcp" or options.tcp], options.bind, options.port
     )
     try:
-        session = Session(
-            simulation, autostart=options.autostart, recorders=_recorders(options), notify=notify
-        )
+        results = Results(seed=seed, scoring=options.scoring, path=options.result, notify=notify)
+        recorders = [*_recorders(options), results]
     except UsageError:
         for transport in transports:
             transport.close()
         raise
+    session = Session(simulation, autostart=options.autostart, recorders=recorders, notify=notify)
+    runs = Runs(session, results, seed=seed, count=options.runs or int(options.exit_at_end))
     print_line(f"seed {seed}")
     _announce(transports, options.bind, print_line)
-    return Server(session, transports, _pace(options, session, parameters, notify))
+    return Server(session, transports, _pace(options, session, parameters, notify), runs.go_on)
 
 
 def read_world(options: argparse.Namespace, notify: Print) -> tuple[Lab, StartGrid, Parameters]:
@@ -117,10 +123,9 @@ def _recorders(options: argparse.Namespace) -> list[Recorder]:
         except ValueError as error:
             raise UsageError(f"argument --kidnap: {error}") from None
     if options.truth is not None:
-        try:
-            recorders.append(TruthFile(options.truth))
-        except OSError as error:
-            raise UsageError(f"argument --truth: {options.truth}: {error.strerror}") from None
+        recorders.append(TruthFile(options.truth))
+    if options.log is not None:
+        recorders.append(LogFile(options.log, time.ctime()))
     if SCORINGS[options.scoring].has_documents:
         recorders.append(ReferenceFiles(options.scoring_files))
     return recorders

@@ -67,7 +67,7 @@ def _serve(server: Server, notify: Callable[[str], None]) -> int:
     try:
         with server.stopping_on_signals():
             server.run()
-            notify(f"ended at time {server.simulation.time}; {server.pace.late} cycles came late")
+            notify(f"ended at time {server.simulation.time}; {server.pace.delays()}")
     finally:
         server.close()
     return 0
@@ -151,8 +151,19 @@ def _parser() -> argparse.ArgumentParser:
     pace.add_argument(
         "--autostart", type=_count, default=0, metavar="N", help="start as soon as N robots are registered"
     )
+    pace.add_argument(
+        "--runs",
+        type=_runs,
+        metavar="N",
+        help="N runs one after the other, seeds counted up, robots registering anew; then exit",
+    )
+    pace.add_argument(
+        "--exit-at-end", action="store_true", help="exit when the run is over, not on a signal only"
+    )
     output = parser.add_argument_group("output")
+    output.add_argument("--log", type=Path, metavar="FILE", help="write the real simulator's XML log there")
     output.add_argument("--truth", type=Path, metavar="FILE", help="write the true poses there, as CSV")
+    output.add_argument("--result", type=Path, metavar="FILE", help="write scores and states there, as JSON")
     output.add_argument(
         "--scoring-files",
         type=Path,
@@ -180,6 +191,10 @@ def _port(text: str) -> int:
 
 def _count(text: str) -> int:
     return _number(text, "a number of robots, 0 or more", least=0, most=math.inf)
+
+
+def _runs(text: str) -> int:
+    return _number(text, "a number of runs, 1 or more", least=1, most=math.inf)
 
 
 def _seed(text: str) -> int:

@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from simulator_stub.records import Recorder
 from simulator_stub.simulation import Simulation
 from simulator_stub.simulator_state import SimulatorState
 
@@ -56,7 +57,7 @@ def parse_kidnapping(text: str) -> Kidnapping:
     return Kidnapping(int(cycle), float(x), float(y), float(direction))
 
 
-class Kidnapper:
+class Kidnapper(Recorder):
     """Moves the robot with the lowest id at the times given; a recorder that meddles.
 
     Parameters
@@ -65,7 +66,8 @@ class Kidnapper:
     """
 
     def __init__(self, kidnappings: list[Kidnapping]) -> None:
-        self._waiting = sorted(kidnappings, key=lambda kidnapping: kidnapping.cycle)
+        self._all = sorted(kidnappings, key=lambda kidnapping: kidnapping.cycle)
+        self._waiting = list(self._all)
 
     def actions_read(self, simulation: Simulation) -> None:
         """Move the robot if the coming cycle is the one."""
@@ -77,8 +79,6 @@ class Kidnapper:
                 simulation.robots[0].robot_id, victim.x, victim.y, math.radians(victim.direction)
             )
 
-    def cycle_done(self, simulation: Simulation) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
+    def world_ended(self, simulation: Simulation) -> None:
+        """Begin with the first one again."""
+        self._waiting = list(self._all)

@@ -55,6 +55,8 @@ class Pace(ABC):
     ----------
     late : int
         Running cycles that began more than a period late.
+    lost : int
+        Whole periods that running cycles were behind in all, and that were not caught up with.
     """
 
     def __init__(
@@ -63,8 +65,13 @@ class Pace(ABC):
         self.session = session
         self.period = period
         self.late = 0
+        self.lost = 0
         self._clock = clock
         self._due = clock()
+
+    def delays(self) -> str:
+        """Put the delays into words."""
+        return f"{self.late} cycles came late, by {self.lost} cycle times in all"
 
     @abstractmethod
     def wait(self, poll: Poll) -> bool:
@@ -79,6 +86,7 @@ class Pace(ABC):
             self._due -= left
             if self.period > 0.0 and self.session.simulation.state is SimulatorState.RUNNING:
                 self.late += 1
+                self.lost += int(-left // self.period)
             left = 0.0
         # At least once, so that messages are read even when every cycle is late.
         going_on = poll(max(left, 0.0))

@@ -142,6 +142,11 @@ class Robot:
         self.visited: set[int] = set()
 
     @property
+    def heading_degrees(self) -> float:
+        """The true heading as views are told it."""
+        return self.heading * 180.0 / math.pi
+
+    @property
     def collides(self) -> bool:
         """Whether anything stopped it in the last running cycle."""
         return self.touches_wall or self.touches_robot

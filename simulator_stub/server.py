@@ -6,7 +6,7 @@ import contextlib
 import selectors
 import signal
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from ciberrato.errors import UsageError
 from simulator_stub.pace import Pace
@@ -66,6 +66,8 @@ class Server:
     transports : sequence of Transport
         Open ones; closed at the end.
     pace : Pace
+    go_on : callable
+        Asked after each cycle; False ends `run`.
     """
 
     def __init__(
@@ -73,11 +75,13 @@ class Server:
         session: Session,
         transports: Sequence[Transport],
         pace: Pace,
+        go_on: Callable[[], bool] = lambda: True,
     ) -> None:
         self.session = session
         self.pace = pace
         self.simulation = session.simulation
         self._transports = transports
+        self._go_on = go_on
         self._selector = selectors.DefaultSelector()
         self._stopping = False
         # Waiting ends when something is written here: by `stop`, and by Python when a signal arrives.
@@ -89,9 +93,11 @@ class Server:
             transport.serve(self._selector, session.welcome)
 
     def run(self) -> None:
-        """Serve until `stop` is called."""
+        """Serve until `stop` is called, or there is nothing more to do."""
         while self.pace.wait(self._poll):
             self.session.cycle()
+            if not self._go_on():
+                break
 
     def stop(self) -> None:
         """Let `run` return without another cycle; may be called from anywhere."""

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 from ciberrato.errors import ProtocolError
 from ciberrato.protocol import (
@@ -40,6 +39,7 @@ from ciberrato.protocol import (
     encode,
     fit_reply,
 )
+from simulator_stub.records import Recorder
 from simulator_stub.seats import QUEUE_LIMIT, RobotSeat, ViewSeat
 from simulator_stub.simulation import Simulation
 from simulator_stub.simulator_state import SimulatorState
@@ -47,19 +47,6 @@ from simulator_stub.transports import Newcomer
 
 NAME_LIMIT = 600
 """Characters of a robot's name. The real simulator survives 600 and dies of 850; we refuse what is longer."""
-
-
-class Recorder(Protocol):
-    """Somebody who writes down what happens."""
-
-    def actions_read(self, simulation: Simulation) -> None:
-        """Look at a cycle after the actions are read, before anything moves."""
-
-    def cycle_done(self, simulation: Simulation) -> None:
-        """Look at a cycle after everything has moved and been measured, before anybody is told."""
-
-    def close(self) -> None:
-        """Finish the record."""
 
 
 class Session:
@@ -126,6 +113,8 @@ class Session:
         start = self.start_is_due and before is SimulatorState.STOPPED
         simulation.begin_cycle()
         self._read_actions()
+        if simulation.restart_requested:
+            self._restart()
         for recorder in self.recorders:
             recorder.actions_read(simulation)
         self._check_in()
@@ -221,9 +210,29 @@ class Session:
             case RemoveRobot(robot_id=robot_id):
                 self.simulation.remove(robot_id)
             case Reset():
-                self._reset()
+                self.reset()
 
-    def _reset(self) -> None:
+    def _restart(self) -> None:
+        """Begin again with everybody still registered: what ``Reset="On"`` of a robot asks for."""
+        self._end_world()
+        self.simulation.restart()
+        for view in self.views:
+            view.peer.send(encode(Restart()))
+        self._notify("restart, as a robot asked for")
+
+    def _end_world(self) -> None:
+        for recorder in self.recorders:
+            recorder.world_ended(self.simulation)
+
+    def reset(self, seed: int | None = None) -> None:
+        """Forget all clients and begin again.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Of the new world; by default it follows from the old one.
+        """
+        self._end_world()
         for view in self.views:
             view.peer.send(encode(Restart()))
             view.peer.close()
@@ -232,7 +241,7 @@ class Session:
         self.views = []
         self.robots = {}
         self._autostarted = False
-        self.simulation.reset()
+        self.simulation.reset(seed)
         self._lab = encode(self.simulation.lab_shown())
         self._notify("reset")
 
@@ -245,5 +254,6 @@ class Session:
 
     def close(self) -> None:
         """Finish all records."""
+        self._end_world()
         for recorder in self.recorders:
             recorder.close()

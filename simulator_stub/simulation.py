@@ -7,7 +7,6 @@ around it (`simulator_stub.session`, `simulator_stub.server`) turn datagrams and
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -102,6 +101,7 @@ class Simulation:
     def _begin_world(self) -> None:
         self.time = 0
         self.worlds += 1
+        self.restart_requested = False
         self.scoring = type(self.scoring)(self.world)
         draw = self._noise.generator(0, "gps offset").random
         self.gps_offset = (GPS_OFFSET_RANGE * float(draw()), GPS_OFFSET_RANGE * float(draw()))
@@ -247,10 +247,10 @@ class Simulation:
         self._begin_world()
 
     def restart(self) -> None:
-        """Begin again with the robots that are there, at once; the coming cycle is the one that starts.
+        """Begin again with the robots that are there, at once; the cycle that goes on is the one that starts.
 
-        The robots are put back on their start positions, as if they had just registered, in the same order of
-        ids; those that were removed stay so. Random numbers are fresh ones of the same seed.
+        The robots are put back on their start positions as if they had just registered, motors and LEDs off;
+        those that were removed stay so. Random numbers are fresh ones of the same seed.
         """
         self._noise = self._noise.next_world()
         self._begin_world()
@@ -287,6 +287,8 @@ class Simulation:
         for robot_id, wanted in (actions or {}).items():
             for message in (wanted,) if isinstance(wanted, Actions) else wanted:
                 self.act(robot_id, message)
+        if self.restart_requested:
+            self.restart()
         measures = self.advance()
         self.end_cycle()
         return measures
@@ -309,12 +311,18 @@ class Simulation:
 
     def begin_cycle(self) -> None:
         """Forget what lasts one cycle only."""
+        self.restart_requested = False
         for robot in self._robots.values():
             robot.begin_cycle(self.world.parameters.requests_per_cycle)
 
     def act(self, robot_id: int, actions: Actions) -> None:
-        """Apply one message of a robot."""
+        """Apply one message of a robot.
+
+        If it asks for the world to begin again, that is left to the caller (`restart`) when all messages of
+        the cycle are applied; `restart_requested` tells. `step` does it.
+        """
         self._robots[robot_id].apply(actions)
+        self.restart_requested |= actions.reset
 
     def advance(self) -> dict[int, Measures]:
         """Let time pass if the simulator is running; measure in any case."""
@@ -369,12 +377,20 @@ class Simulation:
             **fields,
         )
 
-    def readings(self, robot: Robot) -> Measures:
-        """Say what the log holds: the last readings, asked for or not, and the LEDs."""
+    def readings(self, robot: Robot, *, over: bool = False) -> Measures:
+        """Say what the log holds: the last readings, asked for or not, and the LEDs.
+
+        Parameters
+        ----------
+        robot : Robot
+        over : bool
+            Whether the time is over, so that both buttons are off.
+        """
         fields: dict[str, Any] = {}
         for sensor in robot.sensors:
             sensor.record(fields)
-        return self._complete(robot, fields)
+        measures = self._complete(robot, fields)
+        return replace(measures, start=False, stop=False) if over else measures
 
     def _status(self, robot: Robot) -> RobotStatus:
         return RobotStatus(
@@ -390,5 +406,5 @@ class Simulation:
             state=robot.state.value,
             x=robot.x,
             y=robot.y,
-            direction=robot.heading * 180.0 / math.pi,
+            direction=robot.heading_degrees,
         )

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
-from simulator_stub.simulation import Simulation
+from simulator_stub.records import WorldFile
 from simulator_stub.simulator_state import SimulatorState
+
+if TYPE_CHECKING:
+    from simulator_stub.simulation import Simulation
 
 HEADER = "time,robot,x,y,dir_deg,state"
 
 
-class TruthFile:
+class TruthFile(WorldFile):
     """Writes a row for each robot at its registration, and one for each robot and running cycle.
 
     Columns: ``time`` in cycles, ``robot`` its position number, ``x`` and ``y`` in units, ``dir_deg`` in
@@ -20,39 +22,38 @@ class TruthFile:
     Parameters
     ----------
     path : Path
-        Overwritten if it exists.
+        Overwritten if it exists. Worlds after the first go into files of their own (see `WorldFile`).
 
     Raises
     ------
-    OSError
+    UsageError
         If it cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("w", encoding="ascii", buffering=1)
-        self._file.write(HEADER + "\n")
+    def _open(self) -> TextIO:
         self._known: set[int] = set()
+        file = super()._open()
+        file.write(HEADER + "\n")
+        file.flush()
+        return file
 
     def actions_read(self, simulation: Simulation) -> None:
         """Nothing has moved yet."""
 
     def cycle_done(self, simulation: Simulation) -> None:
         """Write down where everybody is."""
-        robots = simulation.robots
-        if not robots:
-            self._known.clear()
         running = simulation.state is SimulatorState.RUNNING
         rows = []
-        for robot in robots:
+        for robot in simulation.robots:
             if running or robot.robot_id not in self._known:
                 self._known.add(robot.robot_id)
-                degrees = robot.heading * 180.0 / math.pi
-                rows.append(
-                    f"{simulation.time},{robot.robot_id},{robot.x!r},{robot.y!r},{degrees!r},{robot.state.value}\n"
-                )
+                pose = f"{robot.x!r},{robot.y!r},{robot.heading_degrees!r}"
+                rows.append(f"{simulation.time},{robot.robot_id},{pose},{robot.state.value}\n")
         if rows:
-            self._file.write("".join(rows))
+            self.write("".join(rows))
+            self.flush()
 
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+    def world_ended(self, simulation: Simulation) -> None:
+        """Close the file of this world."""
+        super().world_ended(simulation)
+        self._known = set()
