@@ -81,6 +81,11 @@ class Roamer:
         self._last = (round(command[0], 4), round(command[1], 4))
         return Decision(command=self._last)
 
+    def stand(self) -> None:
+        """Take note that the robot stands, whatever leg it was on."""
+        self._last = (0.0, 0.0)
+        self.phase = LegPhase.CHOOSING
+
     def _dead_reckon(self) -> None:
         left, right = (filter_power(c, w) for c, w in zip(self._last, self._wheels, strict=True))
         self._wheels = left, right

@@ -102,6 +102,38 @@ def modes(belief: PoseBelief, *, most: int = 8, least: float = 0.02) -> list[Pos
     return found
 
 
+def probability_near(belief: PoseBelief, x: float, y: float, heading: float) -> float:
+    """Weight of the poses within `CLAIM_RADIUS` and `CLAIM_TURN` of a pose.
+
+    Parameters
+    ----------
+    belief : PoseBelief
+    x, y : float
+        Units.
+    heading : float
+        Radians.
+
+    Returns
+    -------
+    float
+    """
+    if belief.dense is None:
+        bins, squares, weights = belief.listed()
+    else:
+        near = np.abs(_wrap(belief.headings() - heading)) <= CLAIM_TURN
+        lattice = belief.lattice
+        close = np.hypot(lattice.x - x, lattice.y - y) <= CLAIM_RADIUS + lattice.resolution
+        bins, squares = (
+            np.repeat(np.flatnonzero(near), close.sum()),
+            np.tile(np.flatnonzero(close), near.sum()),
+        )
+        weights = belief.dense[bins, squares].astype(np.float64)
+    places_x = belief.lattice.x[squares] + belief.offset[bins, 0]
+    places_y = belief.lattice.y[squares] + belief.offset[bins, 1]
+    inside = _within(places_x, places_y, belief.headings()[bins], (x, y, heading), 1.0)
+    return min(float((weights * inside).sum()), 1.0)
+
+
 def _strongest(belief: PoseBelief) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
     """States that carry the belief; of a dense one only those well above the mean."""
     if belief.dense is None:

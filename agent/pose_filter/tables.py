@@ -26,6 +26,26 @@ Progress = Callable[[float], None]
 BINS = 72
 """Number of heading bins, 5 degrees each."""
 
+FINE, COARSE = 0.1, 2.0 / 9.0
+"""Units between nodes: where the lab is not too large; where it is, or until the fine tables are there."""
+_LARGEST = 30.0 * 30.0
+"""Units squared of a lab that the fine lattice can follow in every cycle of 50 ms from an unknown pose."""
+
+
+def fine_resolution(lab: Lab) -> float:
+    """Say with which resolution a lab can be followed in every cycle.
+
+    Parameters
+    ----------
+    lab : Lab
+
+    Returns
+    -------
+    float
+        Units between nodes.
+    """
+    return FINE if lab.width * lab.height <= _LARGEST else COARSE
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseTables:

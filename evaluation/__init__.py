@@ -1,0 +1,1 @@
+"""Many runs at once: how soon and how surely the agent localizes itself in many labs."""
