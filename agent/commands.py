@@ -8,15 +8,15 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
+from agent.optionparser import OptionParser, read_lab_file
 from agent.reporter import PROGRAM, Reporter
 from ciberrato.errors import CiberratoError, UsageError
 
 if TYPE_CHECKING:
     from agent.session import Settings
     from agent.signals import Interrupts
-    from ciberrato.lab import Lab
 
 # As in agent.runlog, which is not imported yet: its records take time that the registration should not wait
 # for.
@@ -76,7 +76,7 @@ def _localize(options: argparse.Namespace, interrupts: Interrupts) -> int:
     from agent.runlog import read_run
 
     run = read_run(options.run)
-    lab, path, data = _read_lab(options.map)
+    lab, path, data = read_lab_file(options.map)
     _check_output(options.output)
     if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
         Reporter().warn(
@@ -103,7 +103,7 @@ def _inspect(options: argparse.Namespace) -> int:
 
     from agent.inspection import inspect
 
-    lab = None if options.map is None else _read_lab(options.map)[0]
+    lab = None if options.map is None else read_lab_file(options.map)[0]
     width = shutil.get_terminal_size().columns
     inspect(options.file, png=options.png, lab=lab, width=width, colour=sys.stdout.isatty())
     return 0
@@ -114,7 +114,7 @@ def _settings(options: argparse.Namespace) -> Settings:
     from ciberrato.net.address import parse_address
 
     host, port = parse_address(options.host)
-    lab, path, data = _read_lab(options.map)
+    lab, path, data = read_lab_file(options.map)
     _check_output(options.output)
     _check_output(options.log)
     if options.log.resolve() == options.output.resolve():
@@ -143,23 +143,6 @@ def _settings(options: argparse.Namespace) -> Settings:
     )
 
 
-def _read_lab(name_or_path: str) -> tuple[Lab, Path, bytes]:
-    from ciberrato.labfile import parse_lab_with_warnings
-    from maps import find_lab
-
-    path = find_lab(name_or_path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
-    lab, warnings = parse_lab_with_warnings(data, str(path))
-    for warning in warnings:
-        Reporter().warn(warning)
-    if lab.rows < 1 or lab.columns < 1:
-        raise UsageError(f"{path}: the lab is smaller than a cell; there is nothing to localize in")
-    return lab, path, data
-
-
 def _check_output(path: Path) -> None:
     """Refuse a file that cannot be written, before the run and not after it."""
     folder = path.parent
@@ -171,23 +154,8 @@ def _check_output(path: Path) -> None:
         raise UsageError(f"{path}: cannot be written: permission denied")
 
 
-class _Parser(argparse.ArgumentParser):
-    def __init__(self, usage: str, description: str) -> None:
-        super().__init__(
-            prog=usage,
-            description=description,
-            add_help=False,
-            allow_abbrev=False,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        self.add_argument("--help", action="help", help="show this and end")
-
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message} (see {self.prog} --help)")
-
-
 def _run_parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = OptionParser(
         PROGRAM,
         "Drive a robot to the right through a known lab and work out in which cell it began.\n\n"
         "  ciberrato-agent [options]                drive; Ctrl-C ends the run and writes the belief file\n"
@@ -222,7 +190,7 @@ def _run_parser() -> argparse.ArgumentParser:
 
 
 def _localize_parser() -> argparse.ArgumentParser:
-    parser = _Parser(f"{PROGRAM} localize", "Run the filter over the log of a run and write the belief file.")
+    parser = OptionParser(f"{PROGRAM} localize", "Run the filter over the log of a run and write the belief file.")
     add = parser.add_argument
     add("run", type=Path, metavar="RUN", help="the log, run.jsonl")
     add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
@@ -234,7 +202,7 @@ def _localize_parser() -> argparse.ArgumentParser:
 
 
 def _inspect_parser() -> argparse.ArgumentParser:
-    parser = _Parser(f"{PROGRAM} inspect", "Validate a belief file and show what it says.")
+    parser = OptionParser(f"{PROGRAM} inspect", "Validate a belief file and show what it says.")
     parser.add_argument("file", type=Path, metavar="FILE", help="the belief file, localization.out")
     parser.add_argument("--png", type=Path, metavar="FILE", help="draw all steps there")
     parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab over them")

@@ -263,8 +263,8 @@ def read_run(path: Path) -> RecordedRun:
     lines.pop()  # empty after a complete last line, else the torn one
     if not lines:
         raise LabError("no complete line; this is not the log of a run", source=source)
-    header = _read_header(lines[0], source)
-    cycles = tuple(_read_cycle(line, source, number) for number, line in enumerate(lines[1:], start=2))
+    header = parse_header(lines[0], source)
+    cycles = tuple(parse_cycle(line, source, number) for number, line in enumerate(lines[1:], start=2))
     for expected, (index, number) in enumerate(
         (cycle.step, number) for number, cycle in enumerate(cycles, start=2) if cycle.step is not None
     ):
@@ -297,7 +297,25 @@ def _read_object(line: bytes, source: str, number: int) -> dict[str, Any]:
     return document
 
 
-def _read_header(line: bytes, source: str) -> RunHeader:
+def parse_header(line: bytes, source: str) -> RunHeader:
+    """Read the first line of a log.
+
+    Parameters
+    ----------
+    line : bytes
+        Complete, without its end.
+    source : str
+        Name for error messages.
+
+    Returns
+    -------
+    RunHeader
+
+    Raises
+    ------
+    LabError
+        If it is not the first line of a log.
+    """
     document = _read_object(line, source, 1)
     if document.pop("format", None) != FORMAT:
         raise LabError(f'the first line does not say "format":"{FORMAT}"', source=source, line=1)
@@ -316,7 +334,27 @@ def _read_header(line: bytes, source: str) -> RunHeader:
     return header
 
 
-def _read_cycle(line: bytes, source: str, number: int) -> Cycle:
+def parse_cycle(line: bytes, source: str, number: int) -> Cycle:
+    """Read one of the further lines of a log.
+
+    Parameters
+    ----------
+    line : bytes
+        Complete, without its end.
+    source : str
+        Name for error messages.
+    number : int
+        The line's number.
+
+    Returns
+    -------
+    Cycle
+
+    Raises
+    ------
+    LabError
+        If it is not a cycle.
+    """
     cycle = _build(Cycle, _read_object(line, source, number), source, number)
     assert isinstance(cycle, Cycle)
     return cycle

@@ -23,6 +23,7 @@ _HALF_APERTURE = math.pi / 6.0
 _ROUNDING_VARIANCE = 0.1**2 / 12.0
 _MODEL_VARIANCE = 0.03**2
 _PRIORS = ((FACE, 0.6), (BORDER, 0.2))
+_LEAST_READING = 0.1  # less, or negative, is noise on top of nothing in sight
 _NEAREST = 0.02  # units; nearer there is nothing but rounding
 _CONE = math.radians(15.0)  # beyond, one of the outer rays is the shortest
 _OPEN_READING = 0.6  # walls that do not face the sensor come to this in a corridor
@@ -147,13 +148,13 @@ class WallAhead:
         remaining = CELL_SIZE * self._cell - pose.along
         if abs(pose.heading) > _CONE or remaining > BORDER:
             return
-        # Nearer than the wall would be is as good a reason to stop as the wall itself.
-        distances = [max(remaining + face - _SENSOR_OFFSET, 0.05) for face, _ in _PRIORS]
-        variances = [self._variance + (deviations[0] / distance**2) ** 2 for distance in distances]
-        misfit = min(
-            max(1.0 / distance - reading, 0.0) ** 2 / variance
-            for distance, variance in zip(distances, variances, strict=True)
-        )
+        measured = 1.0 / max(reading, _LEAST_READING)
+        misfits = []
+        for face, _ in _PRIORS:
+            distance = max(remaining + face - _SENSOR_OFFSET, _NEAREST)
+            variance = self._variance * (measured * distance) ** 2 + deviations[0] ** 2
+            # Nearer than the wall would be is as good a reason to stop as the wall itself.
+            misfits.append(max(measured - distance, 0.0) ** 2 / variance)
         open_misfit = max(reading - _beside(pose, deviations), 0.0) ** 2 / self._variance
-        gain = 0.5 * (open_misfit - misfit)
+        gain = 0.5 * (open_misfit - min(misfits))
         self._evidence = min(max(self._evidence + min(max(gain, -4.0), 4.0), -self._MOST), self._MOST)
