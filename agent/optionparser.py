@@ -1,0 +1,77 @@
+"""The parser that all subcommands share: errors are one line, and ``-h`` is left for the host."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from agent.reporter import Reporter
+from ciberrato.errors import UsageError
+
+if TYPE_CHECKING:
+    from ciberrato.lab import Lab
+
+
+class OptionParser(argparse.ArgumentParser):
+    """A parser whose errors are `UsageError`, without abbreviations, with ``--help`` only.
+
+    Parameters
+    ----------
+    usage : str
+        Program and subcommand.
+    description : str
+    """
+
+    def __init__(self, usage: str, description: str) -> None:
+        super().__init__(
+            prog=usage,
+            description=description,
+            add_help=False,
+            allow_abbrev=False,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        self.add_argument("--help", action="help", help="show this and end")
+
+    def error(self, message: str) -> NoReturn:
+        """Raise what is wrong with the command line."""
+        raise UsageError(f"{message} (see {self.prog} --help)")
+
+
+def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
+    """Read the lab that a command line names.
+
+    Parameters
+    ----------
+    name_or_path : str
+        A file, or the name of a lab that ships.
+
+    Returns
+    -------
+    lab : Lab
+    path : Path
+        The file.
+    data : bytes
+        Its contents.
+
+    Raises
+    ------
+    UsageError
+        If there is no such lab, it cannot be read, or it is smaller than a cell.
+    LabError
+        If its contents are wrong.
+    """
+    from ciberrato.labfile import parse_lab_with_warnings
+    from maps import find_lab
+
+    path = find_lab(name_or_path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+    lab, warnings = parse_lab_with_warnings(data, str(path))
+    for warning in warnings:
+        Reporter().warn(warning)
+    if lab.rows < 1 or lab.columns < 1:
+        raise UsageError(f"{path}: the lab is smaller than a cell; there is nothing to localize in")
+    return lab, path, data
