@@ -6,7 +6,7 @@ GOLDEN ?= ../shared/golden
 LABS   ?= ../shared/labs
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick lint conformance accuracy bench clean
+.PHONY: help setup demo examples test quick lint conformance accuracy bench clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -38,6 +38,9 @@ conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator (G
 
 accuracy: $(VENV)/.stamp  ## how often the most likely cell is the true one, both presets, 200 drives a lab
 	$(BIN)/python -m benchmarks.accuracy
+
+examples: $(VENV)/.stamp  ## the classic localization problems, with figures in build/figures
+	$(BIN)/python -m examples all
 
 bench: $(VENV)/.stamp  ## speed, as ratios to plain references; writes build/bench.json
 	$(BIN)/python -m benchmarks

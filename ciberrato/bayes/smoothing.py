@@ -18,6 +18,10 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
 from ciberrato.bayes.recovery import ImpossibleReadingError
 
+# Steps that are normalized together, and the sum below which each is normalized by itself.
+_BLOCK = 32
+_SAFE_TOTAL = 1e-200
+
 
 class Forward(NamedTuple):
     """The filter over a run.
@@ -81,25 +85,71 @@ def forward(prior: ArrayLike, log_likelihoods: ArrayLike, transitions: Any) -> F
     likelihoods[~(scores > -np.inf)] = 0.0
     predicted, filtered = np.empty_like(scores), np.empty_like(scores)
     evidence = np.empty(len(scores))
-    belief = prior / prior.sum()
-    for time in range(len(scores)):
-        before = predicted[time]
-        if time == 0:
-            before[:] = belief
-        elif isinstance(steps[time - 1], np.ndarray):
-            np.dot(filtered[time - 1], steps[time - 1], out=before)
-        else:
-            before[:] = steps[time - 1].T @ filtered[time - 1]
-        after = filtered[time]
-        np.multiply(before, likelihoods[time], out=after)
-        total = after.sum()
-        if not total > 1e-280:
-            after[:], total, offset = _by_logarithms(before, scores[time], time)
-            best[time] = offset
-        else:
-            after *= 1.0 / total
-        evidence[time] = total
+    predicted[0] = prior / prior.sum()
+    for start in range(0, len(scores), _BLOCK):
+        block = slice(start, min(start + _BLOCK, len(scores)))
+        if not _forward_block(block, predicted, filtered, likelihoods, steps, evidence):
+            for time in range(block.start, block.stop):
+                _forward_step(time, predicted, filtered, likelihoods, steps, evidence, scores, best)
     return Forward(predicted, filtered, np.log(evidence) + best)
+
+
+def _move(belief: FloatArray, step: Any, out: FloatArray) -> None:
+    if isinstance(step, np.ndarray):
+        np.dot(belief, step, out=out)
+    else:
+        out[:] = step.T @ belief
+
+
+def _forward_block(
+    block: slice,
+    predicted: FloatArray,
+    filtered: FloatArray,
+    likelihoods: FloatArray,
+    steps: Sequence[Any],
+    evidence: FloatArray,
+) -> bool:
+    """Filter some steps and normalize them together; False if that is too much for the range of numbers."""
+    first, stop = block.start, block.stop
+    befores, afters, weights = list(predicted[block]), list(filtered[block]), list(likelihoods[block])
+    before, multiply = filtered[first - 1] if first else None, np.multiply
+    for k, (ahead, after, weight) in enumerate(zip(befores, afters, weights, strict=True), first - 1):
+        if before is not None:
+            _move(before, steps[k], ahead)
+        multiply(ahead, weight, out=after)
+        before = after
+    totals = filtered[block].sum(axis=1)
+    # Likelihoods are 1 at the most, so the sums only fall.
+    if not totals[-1] > _SAFE_TOTAL:
+        return False
+    filtered[block] /= totals[:, np.newaxis]
+    predicted[first + 1 : stop] /= totals[:-1, np.newaxis]
+    evidence[block] = totals
+    evidence[first + 1 : stop] /= totals[:-1]
+    return True
+
+
+def _forward_step(
+    time: int,
+    predicted: FloatArray,
+    filtered: FloatArray,
+    likelihoods: FloatArray,
+    steps: Sequence[Any],
+    evidence: FloatArray,
+    scores: FloatArray,
+    best: FloatArray,
+) -> None:
+    """Filter one step, by logarithms if need be."""
+    before, after = predicted[time], filtered[time]
+    if time:
+        _move(filtered[time - 1], steps[time - 1], before)
+    np.multiply(before, likelihoods[time], out=after)
+    total = after.sum()
+    if total > _SAFE_TOTAL:
+        after *= 1.0 / total
+    else:
+        after[:], total, best[time] = _by_logarithms(before, scores[time], time)
+    evidence[time] = total
 
 
 def _by_logarithms(before: FloatArray, scores: FloatArray, time: int) -> tuple[FloatArray, float, float]:

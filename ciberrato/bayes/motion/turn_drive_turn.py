@@ -11,7 +11,7 @@ state, whatever the noise.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,6 +48,7 @@ class TurnDriveTurn:
     free: BoolArray | None = None
     window: float = 4.0
     skip_below: float = 0.0
+    _work: list[FloatArray] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.space.axes) != 3 or not math.isclose(self.space.axes[2].length, 2.0 * math.pi):
@@ -82,8 +83,13 @@ class TurnDriveTurn:
         rot1, trans, rot2 = self.noise.sigmas(control)
         # Heading first, so that each heading's image lies in one piece for the drive; the transposition is
         # the product's.
-        images = self.turn_matrix(control.rot1, rot1).T @ belief.reshape(-1, headings).T
-        driven = np.zeros((headings, rows * columns))
+        if not self._work:
+            # Kept from call to call: fresh arrays of this size cost as much in page faults as the work on
+            # them.
+            self._work.extend(np.empty((headings, rows * columns)) for _ in range(2))
+        images, driven = self._work
+        np.matmul(self.turn_matrix(control.rot1, rot1).T, belief.reshape(-1, headings).T, out=images)
+        driven[...] = 0.0
         scratch = np.empty((rows, columns))
         skipped = 0.0
         for k, heading in enumerate(self.space.axes[2].centres):
