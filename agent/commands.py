@@ -190,7 +190,7 @@ def _run_parser() -> argparse.ArgumentParser:
 
 
 def _localize_parser() -> argparse.ArgumentParser:
-    parser = OptionParser(f"{PROGRAM} localize", "Run the filter over the log of a run and write the belief file.")
+    parser = OptionParser(f"{PROGRAM} localize", "Run the filter over a run's log and write the belief file.")
     add = parser.add_argument
     add("run", type=Path, metavar="RUN", help="the log, run.jsonl")
     add("-m", "--map", required=True, metavar="LAB", help="lab file or name")

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import math
+import socket
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +25,7 @@ from ciberrato.kinematics import advance, clamp_power, filter_power
 from ciberrato.lab import Lab
 from ciberrato.labfile import read_lab
 from ciberrato.parameters import Parameters
-from ciberrato.protocol import Actions, Measures, decode_actions, decode_simulator_message
+from ciberrato.protocol import Acceptance, Actions, Measures, decode_actions, decode_simulator_message, encode
 from maps import find_lab
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)
@@ -269,3 +273,94 @@ def _cells_fixture() -> Callable[..., int]:
 @pytest.fixture(scope="session", name="header_for")
 def _header_fixture() -> Callable[..., RunHeader]:
     return header_for
+
+
+class FakeSimulator:
+    """One robot behind UDP on this machine, a cycle per answer; it can wait at a given time.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    start : (x, y, degrees)
+        In the standard lab.
+    hold_at : int or None
+        At this time no further Measures are sent until `go_on`; None never holds.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        start: tuple[float, float, float] = (5.0, 7.0, 0.0),
+        *,
+        seed: int = 1,
+        hold_at: int | None = None,
+    ) -> None:
+        self.commands: list[tuple[float | None, float | None]] = []
+        self.held = threading.Event()
+        self._go_on = threading.Event()
+        self._world = World(read_lab(find_lab("standard")), [start], parameters, seed)
+        self._hold_at = hold_at
+        self._closing = threading.Event()
+        self._main, self._own = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+        for endpoint in (self._main, self._own):
+            endpoint.bind(("127.0.0.1", 0))
+            endpoint.settimeout(0.05)
+        self.port: int = self._main.getsockname()[1]
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def go_on(self) -> None:
+        self._go_on.set()
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join()
+        self._main.close()
+        self._own.close()
+
+    def _receive(self, endpoint: socket.socket) -> tuple[bytes, tuple[str, int]] | None:
+        while not self._closing.is_set():
+            with contextlib.suppress(TimeoutError):
+                return endpoint.recvfrom(2000)
+        return None
+
+    def _serve(self) -> None:
+        received = self._receive(self._main)
+        if received is None:
+            return
+        client = received[1]
+        self._own.sendto(encode(Acceptance(parameters=self._world.parameters, n_beacons=1)), client)
+        stopped = 2
+        while True:
+            (message,) = self._world.measures(start=stopped == 0, stop=stopped > 0)
+            self._own.sendto(encode(message), client)
+            answer = self._receive(self._own)
+            if answer is None:
+                return
+            actions = decode_actions(answer[0])
+            self.commands.append((actions.left_motor, actions.right_motor))
+            if stopped > 0:
+                stopped -= 1
+                continue
+            if self._hold_at == self._world.time:
+                self.held.set()
+                while not self._go_on.wait(0.02):
+                    with contextlib.suppress(TimeoutError):
+                        actions = decode_actions(self._own.recvfrom(2000)[0])
+                        self.commands.append((actions.left_motor, actions.right_motor))
+                    if self._closing.is_set():
+                        return
+            self._world.step([(actions.left_motor or 0.0, actions.right_motor or 0.0)])
+
+
+@pytest.fixture
+def fake_simulator() -> Iterator[Callable[..., FakeSimulator]]:
+    made: list[FakeSimulator] = []
+
+    def make(*arguments: Any, **options: Any) -> FakeSimulator:
+        made.append(FakeSimulator(*arguments, **options))
+        return made[-1]
+
+    yield make
+    for simulator in made:
+        simulator.close()
