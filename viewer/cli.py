@@ -59,40 +59,49 @@ async def _serve(options: argparse.Namespace) -> int:
 
 
 def _build(options: argparse.Namespace) -> Server:
+    """Open everything; what is open already is closed where something else cannot be."""
     from ciberrato.net import TcpLink, UdpLink, parse_address
-    from ciberrato.overlay import OVERLAY_PORT
     from viewer.server import Server
     from viewer.session import Session
 
     notify = _notifier(quiet=options.quiet)
-    link: UdpLink | TcpLink | None
-    if options.run is not None:
-        from viewer.recording import load_recording
+    with contextlib.ExitStack() as opened:
+        link: UdpLink | TcpLink | None = None
+        if options.run is not None:
+            from viewer.recording import load_recording
 
-        session = load_recording(options.run, options.map, options.start_cell, options.beliefs)
-        link = None
-    else:
-        host, port = parse_address(options.simulator)
-        link = TcpLink(host, port) if options.transport == "tcp" else UdpLink(host, port)
-        session = Session(f"{host}:{port}", control=options.control, notify=notify)
-    page_host, page_port = options.http
-    server = Server(
-        session,
-        link,
-        host=page_host,
-        port=page_port,
-        token=options.token,
-        blocking_registration=options.transport == "tcp",
-    )
-    try:
+            session = load_recording(options.run, options.map, options.start_cell, options.beliefs)
+        else:
+            host, port = parse_address(options.simulator)
+            link = TcpLink(host, port) if options.transport == "tcp" else UdpLink(host, port)
+            opened.callback(link.close)
+            session = Session(f"{host}:{port}", control=options.control, notify=notify)
+        page_host, page_port = options.http
+        server = Server(
+            session,
+            link,
+            host=page_host,
+            port=page_port,
+            token=options.token,
+            blocking_registration=options.transport == "tcp",
+        )
+        opened.callback(server.close)
         if options.overlays and options.run is None:
-            server.open_overlay(OVERLAY_PORT if options.overlay_port is None else options.overlay_port)
+            _open_overlay(server, options.overlay_port, notify)
+        opened.pop_all()
+    return server
+
+
+def _open_overlay(server: Server, port: int | None, notify: Callable[[str], None]) -> None:
+    from ciberrato.overlay import OVERLAY_PORT
+
+    try:
+        server.open_overlay(OVERLAY_PORT if port is None else port)
     except UsageError as error:
         # A second viewer does without overlays, unless they were asked for.
-        if options.overlay_port is not None:
+        if port is not None:
             raise
         notify(f"{error}; going on without overlays")
-    return server
 
 
 def _print(line: str) -> None:

@@ -167,7 +167,8 @@ def _robot_row(robot: RobotStatus) -> list[Any]:
 
 
 def _finite(value: float) -> float | None:
-    return round(value, 4) if math.isfinite(value) else None
+    # As many digits as the wire has: what a simulator sends goes through unchanged.
+    return float(f"{value:.6g}") if math.isfinite(value) else None
 
 
 def live_frame(frame: str, *, epoch: int, rate: float, marks: int) -> str:

@@ -139,6 +139,12 @@ class Server:
         """How many are connected."""
         return len(self._browsers)
 
+    def close(self) -> None:
+        """Close the ports of a server that is not going to run; `run` closes them itself."""
+        self._socket.close()
+        if self._overlay_socket is not None:
+            self._overlay_socket.close()
+
     def stop(self) -> None:
         """Let `run` return; only from the loop's thread."""
         self._stop.set()
@@ -264,15 +270,24 @@ class Server:
         while True:
             await self._dirty.wait()
             self._dirty.clear()
-            for topic, text in self.session.news(loop.time()):
-                for browser in self._browsers:
-                    browser.outbox.put(topic, text)
-            for browser in self._browsers:
-                browser.news.set()
+            self._hand_out(loop.time())
             await asyncio.sleep(1.0 / FRAMES_PER_SECOND)
 
+    def _hand_out(self, now: float) -> None:
+        """Put the news into every browser's outbox."""
+        for topic, text in self.session.news(now):
+            for browser in self._browsers:
+                browser.outbox.put(topic, text)
+        for browser in self._browsers:
+            browser.news.set()
+
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
-        answer = self._site.respond(request.path, request.headers)
+        if (
+            getattr(request, "method", "GET") != "GET"
+        ):  # older releases of websockets refuse others themselves
+            answer: Answer | None = Answer(HTTPStatus.METHOD_NOT_ALLOWED, (("Allow", "GET"),), b"")
+        else:
+            answer = self._site.respond(request.path, request.headers)
         if answer is None and len(self._browsers) >= MOST_BROWSERS:
             answer = Answer(
                 HTTPStatus.SERVICE_UNAVAILABLE, (("Content-Type", "text/plain"),), b"too many browsers\n"
@@ -288,6 +303,8 @@ class Server:
         sock = connection.transport.get_extra_info("socket")
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
         browser = Browser(Outbox(), asyncio.Event(), asyncio.Event())
+        # News are what differs from the news before: nobody may be ahead of them.
+        self._hand_out(asyncio.get_running_loop().time())
         for topic, text in self.session.snapshot():
             browser.outbox.put(topic, text)
         browser.news.set()

@@ -77,7 +77,7 @@ function drawLegend() {
   if (!lab) return;
   const heights = wallHeights(lab);
   const used = heights.filter((height) => lab.walls.some((wall) => wall[0] === height));
-  const entries = used.map((height) => entry(wallColor(height, heights), `walls ${height} high`));
+  const entries = used.map((height, index) => entry(wallColor(height, heights), index ? String(height) : `wall height ${height}`));
   if (lab.walls.some(([height]) => height <= 0)) entries.unshift(entry("var(--line)", "lines"));
   if (state.beliefs.size) {
     const swatch = html("canvas", { width: 84, height: 1 });
@@ -296,7 +296,7 @@ function drawModes(belief) {
     modeGroup.append(svg("rect", {
       class: `mode-ring${index ? "" : " first"}`, x: x + inset, y: y + inset, width: width - 2 * inset, height: height - 2 * inset, rx: inset,
     }));
-    return { text: `${(100 * mass).toFixed(0)} %`, at: [x + width - inset, y + inset], className: "mode-text", shift: [-3, -5] };
+    return { text: `${(100 * mass).toFixed(0)} %`, at: [x + inset, y + height - inset], className: "mode-text", shift: [4, 12] };
   });
 }
 
@@ -357,7 +357,7 @@ function paintFrame(now) {
   }
   if (now - lastPanels > PANEL_MILLISECONDS) {
     lastPanels = now;
-    updatePanels(frame, belief);
+    updatePanels(frame);
   }
 }
 
@@ -370,7 +370,7 @@ function advance(milliseconds) {
   }
 }
 
-function updatePanels(frame, belief) {
+function updatePanels(frame) {
   const time = state.live ? frame.time : Math.floor(state.t);
   say($("time"), String(time));
   say($("sim-time"), state.simTime ? ` / ${state.simTime}` : "");
@@ -387,7 +387,7 @@ function updatePanels(frame, belief) {
   $("no-robots").hidden = frame.robots.length > 0;
   robotList.update(frame.robots, {
     names: state.names, chosen: state.chosen, control: state.control && state.live, reflectors: state.scene,
-    angles: (id) => state.angles.get(id) ?? DEFAULT_ANGLES, cycleTime: state.cycleTime,
+    angles: (id) => state.angles.get(id) ?? DEFAULT_ANGLES
   });
   updateScrubber(time);
   const known = state.beliefs.get(state.source);
@@ -405,7 +405,6 @@ function updatePanels(frame, belief) {
     drawEvents($("events"), state.marks, state.names, (when) => seek(when));
     $("no-events").hidden = state.marks.length > 0;
   }
-  void belief;
 }
 
 let ticksFor = "";

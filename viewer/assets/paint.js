@@ -1,6 +1,6 @@
 // What is painted on the canvas between floor and walls: the belief as a heat map, and trails.
 
-import { robotColor } from "./svg.js";
+import { canvasColor } from "./svg.js";
 
 // Each ramp rises evenly in lightness against its floor; the first entry is transparent.
 const RAMPS = {
@@ -98,7 +98,7 @@ export class Paint {
   drawTrail(camera, { id, points }) {
     if (points.length < 4) return;
     const { context } = this;
-    context.strokeStyle = robotColor(id);
+    context.strokeStyle = canvasColor(id);
     context.lineWidth = Math.max(1.5, Math.min(4, camera.k * 0.09));
     context.lineJoin = "round";
     context.lineCap = "round";

@@ -24,7 +24,7 @@ export class RobotList {
     this.list.replaceChildren();
   }
 
-  update(robots, { names, chosen, control, reflectors, angles, cycleTime }) {
+  update(robots, { names, chosen, control, reflectors, angles }) {
     const present = new Set(robots.map((robot) => robot.id));
     for (const [id, item] of this.items) {
       if (!present.has(id)) {
@@ -41,8 +41,10 @@ export class RobotList {
       item.button.setAttribute("aria-pressed", String(robot.id === chosen));
       say(item.name, names.get(robot.id) || `robot ${robot.id}`);
       say(item.score, String(robot.score));
-      const arrival = robot.state === "Returning" || robot.state === "Finished" ? robot.returning || robot.arrival : robot.arrival;
-      say(item.state, `${robot.state}${arrival ? ` · ${(arrival * cycleTime / 1000).toFixed(1)} s` : ""}`);
+      // Until a target is visited the arrival time is just the time.
+      const arrived = robot.mask.includes("1") && robot.arrival;
+      const took = robot.returning ? `way back ${robot.returning}` : arrived ? `there at ${robot.arrival}` : "";
+      say(item.state, took ? `${robot.state} · ${took}` : robot.state);
       say(item.hits, robot.collisions === 1 ? "1 hit" : `${robot.collisions} hits`);
       this.updateMask(item, robot.mask);
       item.detail.hidden = robot.id !== chosen;

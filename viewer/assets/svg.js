@@ -23,10 +23,14 @@ export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-// Eight colours that colour-blind people tell apart; the number on each robot says the rest.
-const COLORS = ["#0072b2", "#d55e00", "#009e73", "#b5488f", "#4d9fd6", "#c98a00", "#7a5fc0", "#5d6b73"];
+const COLORS = 8;
 
-/** The colour of a robot by its id. */
+/** The colour of a robot by its id, as a custom property: light and dark have their own. */
 export function robotColor(id) {
-  return COLORS[(((id || 1) - 1) % COLORS.length + COLORS.length) % COLORS.length];
+  return `var(--robot-${(((id || 1) - 1) % COLORS + COLORS) % COLORS})`;
+}
+
+/** The same as a colour that a canvas takes. */
+export function canvasColor(id) {
+  return getComputedStyle(document.documentElement).getPropertyValue(robotColor(id).slice(4, -1));
 }

@@ -1,0 +1,164 @@
+"""The command line, and agents' logs as something to watch."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ciberrato.errors import LabError
+from ciberrato.infrared import cell_readings, round_reading
+from ciberrato.labfile import read_lab
+from maps import find_lab
+from viewer.cli import main
+from viewer.page_messages import AskBelief, AskFrames
+from viewer.recording import load_recording, read_log
+
+from .conftest import SECONDS
+
+ANGLES = [0.0, 90.0, -90.0, 180.0]
+LAB = find_lab("corridors")
+START, STEPS = (0, 3), 5
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log of a robot that drove five cells to the right from the left end of the middle row."""
+    lab = read_lab(LAB)
+    readings = round_reading(cell_readings(lab, ANGLES))
+    header = {
+        "format": "ciberrato-run",
+        "format_version": 1,
+        "lab_name": LAB.name,
+        "lab_sha256": hashlib.sha256(LAB.read_bytes()).hexdigest(),
+        "parameters": {"sim_time": 500, "cycle_time": 50, "obstacle_noise": 0.1, "motors_noise": 0.0},
+        "sensor_angles": ANGLES,
+        "robot_name": "santos",
+        "robot_position": 2,
+    }
+    lines = [header]
+    for time in range(20 * STEPS + 1):
+        cell = time // 20
+        cycle = {"time": time, "start": True, "displacement": 0.1 * time, "lateral": 0.01, "heading": 1.0}
+        cycle["infrared"] = readings[START[1], START[0] + cell].tolist()
+        if time % 20 == 0:
+            cycle["step"] = cell
+        lines.append(cycle)
+    path = tmp_path / "run.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines) + '{"time":1')
+    return path
+
+
+def frames(session):
+    return json.loads(session.answer(AskFrames(0, 10_000, 512)))["frames"]
+
+
+def test_a_log_is_laid_into_the_lab_from_the_most_likely_start(log):
+    session = load_recording(log, None, None)
+    assert [time for time, _, _ in frames(session)] == list(range(101))
+    row = frames(session)[50][2][0]
+    assert row[:4] == [2, 1.0 + 5.0, 7.01, 1.0]
+    assert session.world.parameters.sim_time == 500
+    [source] = session.overlays.sources.values()
+    assert [entry[0] for entry in source.series()] == [0, 20, 40, 60, 80, 100]
+    past = json.loads(session.answer(AskBelief("log", 99)))
+    assert (past["belief"]["time"], past["belief"]["modes"][0][:2]) == (80, [3, 4])
+
+
+def test_the_start_cell_can_be_given_and_the_agents_own_beliefs_shown(log, tmp_path):
+    blocks = np.zeros((STEPS + 2, 7, 14))
+    blocks[:, 6, 13] = 1.0
+    text = "".join(
+        "".join(" ".join(f"{p:.3f}" for p in row) + "\n" for row in block[::-1]) + "\n" for block in blocks
+    )
+    out = tmp_path / "localization.out"
+    out.write_text(text)
+    session = load_recording(log, "corridors", (1, 2), out)
+    assert frames(session)[0][2][0][1:3] == [3.0, 5.01]
+    past = json.loads(session.answer(AskBelief("log", 5)))
+    assert past["belief"]["modes"] == [[6, 13, 1.0, 1.0]]
+    out.write_text(text * 2)
+    with pytest.raises(LabError, match="14 blocks; the log has 6 steps, so 7"):
+        load_recording(log, "corridors", (1, 2), out)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "format"),
+        ("{}\n", "format"),
+        ("nonsense\n", "JSON"),
+        ('{"format":"ciberrato-run","format_version":2}\n', "format"),
+        ('{"format":"ciberrato-run","format_version":1}\n{"time":"x"}\n', "time"),
+        ('{"format":"ciberrato-run","format_version":1}\n[]\n', "object"),
+    ],
+)
+def test_what_is_no_log_is_refused(tmp_path, text, words):
+    path = tmp_path / "x.jsonl"
+    path.write_text(text)
+    with pytest.raises(LabError, match=words):
+        read_log(path)
+
+
+def test_a_log_of_another_lab_is_refused(log):
+    with pytest.raises(LabError, match="another lab"):
+        load_recording(log, "maze", None)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--nothing"], "--nothing"),
+        (["--simulator", "a:b:c"], "more than one colon"),
+        (["--simulator", "no.such.host.invalid"], "cannot be found"),
+        (["--http", "x"], "not a port"),
+        (["--http", "127.0.0.1:99999"], "not a port"),
+        (["--http", "no.such.host.invalid:0"], "cannot open"),
+        (["--run", "missing.jsonl"], "cannot read the log"),
+        (["--start-cell", "1"], "COLUMN,ROW"),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_status_2(arguments, words, capsys):
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_a_port_in_use_is_said(capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        assert main(["--http", str(taken.getsockname()[1]), "--overlay", "0"]) == 2
+        assert "in use" in capsys.readouterr().err
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as busy:
+        busy.bind(("127.0.0.1", 0))
+        assert main(["--http", "0", "--overlay", str(busy.getsockname()[1])]) == 2
+        assert "overlay" in capsys.readouterr().err
+
+
+def started(*arguments: str, **options: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "viewer", "--http", "0", "--overlay", "0", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)  # type: ignore[call-overload, no-any-return]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_quietly(number):
+    with started() as process:
+        assert process.stdout.readline().startswith("page: http://127.0.0.1:")
+        assert process.stdout.readline().startswith("overlay: 127.0.0.1:")
+        process.send_signal(number)
+        _, error = process.communicate(timeout=SECONDS)
+    assert (process.returncode, error) == (0, "")
+
+
+def test_it_ends_with_whoever_started_it():
+    with started("--until-eof", stdin=subprocess.PIPE) as process:
+        assert process.stdout.readline().startswith("page: ")
+        process.stdin.close()
+        assert process.wait(timeout=SECONDS) == 0
