@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # for.
 PRESETS = ("calibrated", "seed")
 DISTANCES = ("sensor", "cone")
+SHOW_COMMANDS = ("draw", "compare", "animate", "watch")
 DEFAULT_MAP = "standard"
 DEFAULT_LOG = Path("run.jsonl")
 DEFAULT_OUTPUT = Path("localization.out")
@@ -49,6 +50,10 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
             status = _localize(_localize_parser().parse_args(words[1:]), interrupts)
         elif words[:1] == ["inspect"]:
             status = _inspect(_inspect_parser().parse_args(words[1:]))
+        elif words and words[0] in SHOW_COMMANDS:
+            from agent.showing import show
+
+            status = show(words[0], words[1:])
         else:
             status = _run(_run_parser().parse_args(words), interrupts)
         sys.stdout.flush()
@@ -160,7 +165,11 @@ def _run_parser() -> argparse.ArgumentParser:
         "Drive a robot to the right through a known lab and work out in which cell it began.\n\n"
         "  ciberrato-agent [options]                drive; Ctrl-C ends the run and writes the belief file\n"
         "  ciberrato-agent localize RUN -m LAB      the filter alone, from the log of a run\n"
-        "  ciberrato-agent inspect FILE             look into a belief file",
+        "  ciberrato-agent inspect FILE             look into a belief file\n"
+        "  ciberrato-agent draw WHAT -m LAB ...     figures of the lab, its sensors, and a run\n"
+        "  ciberrato-agent compare FILE FILE        how two belief files differ\n"
+        "  ciberrato-agent animate RUN -m LAB       a run as a moving picture\n"
+        "  ciberrato-agent watch RUN -m LAB         a run as it goes on, in the terminal",
     )
     add = parser.add_argument
     add("-h", "--host", default="127.0.0.1", metavar="HOST[:PORT]", help="default: this machine, port 6000")

@@ -34,7 +34,8 @@ class Parameters:
         Probability that an element of the line sensor is right; never announced.
     requests_per_cycle : int
         How many requestable sensors a robot may ask for in one cycle.
-    obstacle_requestable, beacon_requestable, ground_requestable, compass_requestable, collision_requestable : bool
+    obstacle_requestable, beacon_requestable, ground_requestable : bool
+    compass_requestable, collision_requestable : bool
         Whether the sensor is sent only when asked for.
     obstacle_latency, beacon_latency, ground_latency, compass_latency, collision_latency : int
         Age of the delivered reading in cycles.

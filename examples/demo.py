@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import csv
 import os
 import re
 import signal
@@ -22,9 +21,9 @@ from typing import IO
 
 from agent.belieffile import read_beliefs
 from agent.runlog import read_run
-from agent.summary import Cell, step_table
+from agent.summary import step_table
+from agent.truthfile import read_truth, true_cells
 from ciberrato.errors import CiberratoError, UsageError
-from ciberrato.lab import CELL_SIZE
 from ciberrato.labfile import read_lab
 from maps import find_lab
 
@@ -124,7 +123,8 @@ def show(folder: Path, began: float) -> int:
     from agent.figures import belief_panels
 
     beliefs = read_beliefs(folder / "localization.out")[-1].beliefs
-    cells = true_cells(folder / "truth.csv", [step.time for step in read_run(folder / "run.jsonl").steps])
+    times = [step.time for step in read_run(folder / "run.jsonl").steps]
+    cells = true_cells(read_truth(folder / "truth.csv"), times)
     table = step_table(beliefs, [None, *cells])
     print(f"\nlab {LAB}, {beliefs.shape[1]} x {beliefs.shape[2]} cells, named by their centres in units\n")
     print(table)
@@ -134,25 +134,6 @@ def show(folder: Path, began: float) -> int:
     print(f"\nin {folder}/: localization.out  run.jsonl  truth.csv  belief.png")
     print(f"took {time.monotonic() - began:.1f} s")
     return 0 if table.endswith("right") else 1
-
-
-def true_cells(path: Path, times: Sequence[int]) -> list[Cell]:
-    """Look up in which cell the robot really was.
-
-    Parameters
-    ----------
-    path : Path
-        The simulator's truth file.
-    times : sequence of int
-        Simulated cycles.
-
-    Returns
-    -------
-    list of (row, column)
-    """
-    with path.open(newline="") as stream:
-        poses = {int(row["time"]): (float(row["x"]), float(row["y"])) for row in csv.DictReader(stream)}
-    return [(int(poses[time][1] // CELL_SIZE), int(poses[time][0] // CELL_SIZE)) for time in times]
 
 
 @contextlib.contextmanager

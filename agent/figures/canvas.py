@@ -77,24 +77,21 @@ def draw_walls(axis: Any, lab: Lab, *, colour: str = "white") -> None:
     colour : str
         Of walls; their edge is dark so that they show on any ground.
     """
-    from matplotlib.patches import Polygon
+    from matplotlib.collections import PolyCollection
 
-    for wall in lab.walls:
-        line = wall.height <= 0
-        axis.add_patch(
-            Polygon(
-                wall.corners,
-                closed=True,
-                facecolor="none" if line else colour,
-                edgecolor="0.6" if line else "black",
-                linestyle=":" if line else "-",
-                linewidth=0.5,
-                zorder=2,
+    solid = [wall.corners for wall in lab.walls if wall.height > 0]
+    lines = [wall.corners for wall in lab.walls if wall.height <= 0]
+    border = [lab.border.corners]
+    for polygons, face, edge, style, width in (
+        (lines, "none", "0.6", ":", 0.5),
+        (solid, colour, "black", "-", 0.5),
+        (border, "none", "black", "-", 1.2),
+    ):
+        axis.add_collection(
+            PolyCollection(
+                polygons, facecolors=face, edgecolors=edge, linestyles=style, linewidths=width, zorder=2
             )
         )
-    axis.add_patch(
-        Polygon(lab.border.corners, closed=True, facecolor="none", edgecolor="black", linewidth=1.2, zorder=2)
-    )
 
 
 def set_lab_axes(axis: Any, width: float, height: float) -> None:

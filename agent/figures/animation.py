@@ -1,0 +1,199 @@
+"""A run as a moving picture: the belief of each step, the robot with its cones on its way."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.atomic import replace_file
+from agent.figures.beliefs import draw_belief, probability_scale
+from agent.figures.canvas import LINE_COLOURS, new_figure
+from agent.figures.conepoint import nearest_point, sensor_point
+from agent.figures.labmaps import draw_cone, draw_robot
+from agent.runlog import RecordedRun
+from agent.summary import cell_name, normalized_entropy, peak
+from agent.track import estimated_track
+from agent.truthfile import TruePose
+from ciberrato.errors import UsageError
+from ciberrato.geometry import WallMap
+from ciberrato.lab import Lab
+
+Array = NDArray[np.float64]
+
+KINDS = (".gif", ".mp4", ".html")
+
+
+def check_animation(path: Path) -> None:
+    """Refuse what cannot be made, before anything is computed.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    UsageError
+        If the ending is not a kind of animation, or it is mp4 and there is no ffmpeg.
+    """
+    if path.suffix.lower() not in KINDS:
+        raise UsageError(f"{path}: animations are {', '.join(KINDS)}, by the ending of the name")
+    if path.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
+        raise UsageError(
+            f"{path}: mp4 needs the program ffmpeg, which is not installed; .gif and .html do not"
+        )
+
+
+def animate_run(
+    run: RecordedRun,
+    beliefs: Array,
+    lab: Lab,
+    path: str | os.PathLike[str],
+    *,
+    truth: Mapping[int, TruePose] | None = None,
+    every: int = 4,
+    frames_per_second: float = 10.0,
+) -> int:
+    """Draw a run as an animation.
+
+    Parameters
+    ----------
+    run : RecordedRun
+    beliefs : ndarray, shape (steps + 1, rows, columns)
+        The prior first.
+    lab : Lab
+    path : path-like
+        ``.gif``, ``.mp4`` (only where ffmpeg is installed) or ``.html`` (one file, nothing is loaded).
+    truth : mapping of int to (x, y, heading), or None
+        The robot is drawn there; without it, where the last belief says that the way must have been.
+    every : int
+        Cycles a frame.
+    frames_per_second : float
+
+    Returns
+    -------
+    int
+        Frames.
+
+    Raises
+    ------
+    UsageError
+        If the ending is unknown, ffmpeg is wanted and not there, the beliefs are not of this run, or the file
+        cannot be written.
+    """
+    path = Path(path)
+    check_animation(path)
+    if len(beliefs) != len(run.steps) + 1:
+        raise UsageError(
+            f"the log has {len(run.steps)} steps, the belief file {len(beliefs) - 1}: give those of one run"
+        )
+    if beliefs.shape[1:] != (lab.rows, lab.columns):
+        raise UsageError(
+            f"the beliefs are not of the lab {lab.name!r}, which has {lab.rows} x {lab.columns} cells"
+        )
+    scene = _Scene(run, beliefs, lab, truth)
+    from matplotlib.animation import FuncAnimation, HTMLWriter, PillowWriter
+
+    frames = scene.frames(every)
+    animation = FuncAnimation(
+        scene.figure, scene.draw, frames=frames, init_func=list, interval=1000.0 / frames_per_second
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / f"animation{path.suffix.lower()}"
+        writer: Any
+        if draft.suffix == ".gif":
+            writer = PillowWriter(fps=round(frames_per_second))
+        elif draft.suffix == ".html":
+            writer = HTMLWriter(fps=round(frames_per_second), embed_frames=True)
+        else:
+            writer = "ffmpeg"
+        animation.save(str(draft), writer=writer, dpi=80)
+        replace_file(path, draft.read_bytes())
+    return len(frames)
+
+
+class _Scene:
+    """The picture that changes from frame to frame."""
+
+    def __init__(
+        self, run: RecordedRun, beliefs: Array, lab: Lab, truth: Mapping[int, TruePose] | None
+    ) -> None:
+        self._run, self._beliefs, self._truth = run, beliefs, truth
+        self._walls = WallMap.from_lab(lab)
+        self._track = estimated_track(run, beliefs)
+        self.figure = new_figure(10.0, 10.0 * lab.height / lab.width + 0.7)
+        self._axis = self.figure.subplots()
+        self._image = draw_belief(self._axis, beliefs[0], probability_scale(), lab)
+        bar = self.figure.colorbar(self._image, ax=self._axis, shrink=0.8, fraction=0.03, pad=0.01)
+        bar.set_label("probability of the cell")
+        # A title that grows would move the picture: the text has a fixed place.
+        self._title = self._axis.set_title(" ", fontsize=11, loc="left", family="monospace")
+        self._moving: list[Any] = []
+        # The layout is worked out once: doing it in every frame takes most of the time.
+        self.figure.canvas.draw()
+        self.figure.set_layout_engine("none")
+        steps = [cycle.step for cycle in run.cycles]
+        self._step = np.maximum.accumulate([-1 if step is None else step for step in steps] or [-1])
+
+    def frames(self, every: int) -> list[int]:
+        """Choose the cycles: every so many while it moves, each reading, and a rest at the end."""
+        cycles = self._run.cycles
+        chosen = {
+            index
+            for index, cycle in enumerate(cycles)
+            if cycle.step is not None or (cycle.time % every == 0 and cycle.phase != "holding")
+        }
+        last = max((index for index, cycle in enumerate(cycles) if cycle.step is not None), default=0)
+        return sorted(chosen or {0}) + [last] * 10
+
+    def draw(self, index: int) -> list[Any]:
+        """Draw one cycle."""
+        for artist in self._moving:
+            artist.remove()
+        self._moving = []
+        cycle = self._run.cycles[index]
+        belief = self._beliefs[self._step[index] + 1]
+        self._image.set_data(belief)
+        pose = self._pose(index)
+        if pose is not None:
+            self._draw_robot(*pose)
+        self._title.set_text(f"cycle {cycle.time:4d}   {self._text(index, belief)}")
+        return [self._image, self._title, *self._moving]
+
+    def _pose(self, index: int) -> TruePose | None:
+        if self._truth is not None:
+            return self._truth.get(self._run.cycles[index].time)
+        if self._track is None:
+            return None
+        x, y, heading = self._track[index]
+        return float(x), float(y), float(heading)
+
+    def _draw_robot(self, x: float, y: float, heading: float) -> None:
+        self._moving += draw_robot(self._axis, x, y, math.radians(heading))
+        for number, angle in enumerate(self._run.header.sensor_angles):
+            direction = math.radians(heading + angle)
+            point = nearest_point(self._walls, x, y, direction)
+            if point is None:
+                continue
+            start = sensor_point(x, y, direction)
+            colour = LINE_COLOURS[number % len(LINE_COLOURS)]
+            self._moving.append(draw_cone(self._axis, start, direction, math.dist(start, point), colour))
+            self._moving += self._axis.plot(*point, "o", color=colour, markersize=5, zorder=9)
+
+    def _text(self, index: int, belief: Array) -> str:
+        step = int(self._step[index])
+        name = "prior     " if step < 0 else f"step {step:<5d}"
+        if np.isnan(belief).any():
+            return f"{name} undefined"
+        best = peak(belief)
+        return (
+            f"{name} most likely {cell_name(best.cells[0]):9} p = {best.probability:.3f}   "
+            f"{normalized_entropy(belief):.2f} bits"
+        )

@@ -1,0 +1,303 @@
+"""The subcommands that show: ``draw``, ``compare``, ``animate`` and ``watch``."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agent.optionparser import OptionParser, read_lab_file
+from agent.reporter import PROGRAM
+from ciberrato.errors import UsageError
+from ciberrato.lab import CELL_SIZE
+
+if TYPE_CHECKING:
+    from agent.summary import Cell
+    from ciberrato.lab import Lab
+
+
+def show(command: str, words: Sequence[str]) -> int:
+    """Run one of the subcommands.
+
+    Parameters
+    ----------
+    command : str
+        Its name.
+    words : sequence of str
+        The rest of the command line.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+
+    Raises
+    ------
+    CiberratoError
+        For what the user can put right.
+    """
+    parser, run = _COMMANDS[command]
+    run(parser().parse_args(words))
+    return 0
+
+
+# --- draw ----------------------------------------------------------------------------------------
+
+
+def _draw_parser() -> OptionParser:
+    parser = OptionParser(
+        f"{PROGRAM} draw",
+        "Draw a figure; the ending of its name (png, svg, pdf) chooses the format.\n\n"
+        "  walls     the lab as the agent stores it\n"
+        "  cones     the sensors in one cell (--cell), and the wall point that each sees\n"
+        "  table     what each sensor should read in every cell\n"
+        "  beliefs   a panel a step (--beliefs; --truth rings the true cell)\n"
+        "  curves    probability and entropy over the steps (--beliefs)\n"
+        "  errors    error of the dead reckoning over the run (--run and --truth)",
+    )
+    add = parser.add_argument
+    add("what", choices=("walls", "cones", "table", "beliefs", "curves", "errors"), metavar="WHAT")
+    add("-m", "--map", default="standard", metavar="LAB", help="lab file or name; default: standard")
+    add("-o", "--output", type=Path, required=True, metavar="FILE", help="the figure")
+    add("--cell", default="1,1", metavar="X,Y", help="a point of the cell, in units; default: 1,1")
+    add("--heading", type=float, default=0.0, metavar="DEGREES", help="of the robot; default: 0")
+    add("--angles", default="0,90,-90,180", metavar="A,B,C,D", help="of the sensors; default: 0,90,-90,180")
+    add("--distance", choices=("sensor", "cone"), default="sensor", help="distance model; default: sensor")
+    add("--beliefs", type=Path, metavar="FILE", help="belief file, localization.out")
+    add("--run", type=Path, metavar="FILE", help="the run's log, run.jsonl")
+    add("--truth", type=Path, metavar="FILE", help="the simulator's true poses, CSV")
+    return parser
+
+
+def _draw(options: argparse.Namespace) -> None:
+    lab, _, _ = read_lab_file(options.map)
+    _DRAWINGS[options.what](options, lab)
+    print(f"figure: {options.output}")
+
+
+def _draw_walls(options: argparse.Namespace, lab: Lab) -> None:
+    from agent.figures.labmaps import wall_map
+
+    wall_map(lab, options.output)
+
+
+def _draw_cones(options: argparse.Namespace, lab: Lab) -> None:
+    from agent.figures.labmaps import sensor_cones
+
+    cell = _cell(options.cell, lab)
+    angles = _angles(options.angles)
+    sensor_cones(lab, cell, angles, options.output, model=options.distance, heading=options.heading)
+
+
+def _draw_table(options: argparse.Namespace, lab: Lab) -> None:
+    from agent.figures.labmaps import ground_truth_maps
+    from agent.ground_truth import compute_ground_truth
+
+    angles = _angles(options.angles)
+    truth = compute_ground_truth(lab, angles, model=options.distance)
+    ground_truth_maps(lab, truth, angles, options.output)
+
+
+def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
+    from agent.belieffile import read_beliefs
+    from agent.figures.beliefs import belief_panels
+
+    beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
+    _check_size(beliefs.shape, lab)
+    cells = _true_cells(options, len(beliefs))
+    belief_panels(beliefs, options.output, lab=lab, true_cells=cells, title=lab.name)
+
+
+def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:
+    from agent.belieffile import read_beliefs
+    from agent.figures.curves import step_curves
+
+    beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
+    step_curves(beliefs, options.output, true_cells=_true_cells(options, len(beliefs)))
+
+
+def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
+    import numpy as np
+
+    from agent.figures.curves import pose_error_curves
+    from agent.runlog import read_run
+    from agent.truthfile import read_truth
+
+    run, poses = read_run(_needed(options, "run")), read_truth(_needed(options, "truth"))
+    cycles = [cycle for cycle in run.cycles if cycle.time in poses]
+    if not cycles:
+        raise UsageError(f"{options.run} and {options.truth} have no cycle in common: give those of one run")
+    start = poses[min(poses)]
+    rows = []
+    for cycle in cycles:
+        x, y, heading = poses[cycle.time]
+        turned = math.degrees(math.remainder(math.radians(cycle.heading - heading), 2 * math.pi))
+        rows.append((cycle.displacement - (x - start[0]), cycle.lateral - (y - start[1]), turned))
+    deviations = np.array([cycle.spread for cycle in cycles])
+    pose_error_curves([cycle.time for cycle in cycles], np.array(rows), deviations, options.output)
+
+
+_DRAWINGS: dict[str, Callable[[argparse.Namespace, Lab], None]] = {
+    "walls": _draw_walls,
+    "cones": _draw_cones,
+    "table": _draw_table,
+    "beliefs": _draw_beliefs,
+    "curves": _draw_curves,
+    "errors": _draw_errors,
+}
+
+
+def _needed(options: argparse.Namespace, name: str) -> Path:
+    path = getattr(options, name)
+    if not isinstance(path, Path):
+        raise UsageError(f"draw {options.what} needs --{name} FILE")
+    return path
+
+
+def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] | None:
+    """Look up the true cell of each block; the log tells at which cycle each step was."""
+    if options.truth is None:
+        return None
+    from agent.runlog import read_run
+    from agent.truthfile import read_truth, true_cells
+
+    if options.run is None:
+        raise UsageError("--truth needs --run, too: the log tells at which cycle each step was")
+    steps = read_run(options.run).steps
+    if len(steps) + 1 != blocks:
+        raise UsageError(f"{options.run} has {len(steps)} steps, the belief file {blocks - 1}")
+    return [None, *true_cells(read_truth(options.truth), [step.time for step in steps])]
+
+
+def _check_size(shape: tuple[int, ...], lab: Lab) -> None:
+    if shape[1:] != (lab.rows, lab.columns):
+        raise UsageError(
+            f"the beliefs have {shape[1]} x {shape[2]} cells, but the lab {lab.name!r} has {lab.rows} x "
+            f"{lab.columns}: give the lab of that run (-m)"
+        )
+
+
+def _cell(text: str, lab: Lab) -> Cell:
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--cell: {text!r} is not a point X,Y") from None
+    if not (0 <= x < lab.columns * CELL_SIZE and 0 <= y < lab.rows * CELL_SIZE):
+        raise UsageError(f"--cell: ({x:g}, {y:g}) is outside the cells of {lab.name!r}")
+    return int(y // CELL_SIZE), int(x // CELL_SIZE)
+
+
+def _angles(text: str) -> tuple[float, float, float, float]:
+    try:
+        a, b, c, d = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--angles: {text!r} is not four angles in degrees, like 0,90,-90,180") from None
+    if not all(math.isfinite(angle) for angle in (a, b, c, d)):
+        raise UsageError(f"--angles: {text!r} is not four angles in degrees, like 0,90,-90,180")
+    return a, b, c, d
+
+
+# --- compare -------------------------------------------------------------------------------------
+
+
+def _compare_parser() -> OptionParser:
+    parser = OptionParser(f"{PROGRAM} compare", "Say where and by how much two belief files differ.")
+    parser.add_argument("first", type=Path, metavar="FILE")
+    parser.add_argument("second", type=Path, metavar="FILE")
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the differences there")
+    parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab over them")
+    return parser
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from agent.belieffile import read_beliefs
+    from agent.comparison import compare_beliefs, comparison_table
+
+    first, second = (read_beliefs(path)[-1].beliefs for path in (options.first, options.second))
+    comparison = compare_beliefs(first, second)
+    print(comparison_table(comparison))
+    if options.png is not None:
+        from agent.figures.differences import difference_panels
+
+        lab = None if options.map is None else read_lab_file(options.map)[0]
+        if lab is not None:
+            _check_size(first.shape, lab)
+        difference_panels(comparison, options.png, lab=lab)
+        print(f"figure: {options.png}")
+
+
+# --- animate -------------------------------------------------------------------------------------
+
+
+def _animate_parser() -> OptionParser:
+    parser = OptionParser(
+        f"{PROGRAM} animate",
+        "Draw a run as a moving picture: gif, html (one file, works offline), mp4 where ffmpeg is installed.",
+    )
+    add = parser.add_argument
+    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl")
+    add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
+    add("-o", "--output", type=Path, required=True, metavar="FILE", help="the animation")
+    add("--truth", type=Path, metavar="FILE", help="draw the robot at the simulator's true poses (CSV)")
+    add("--every", type=int, default=4, metavar="N", help="cycles a frame; default: 4")
+    return parser
+
+
+def _animate(options: argparse.Namespace) -> None:
+    from agent.figures.animation import animate_run, check_animation
+    from agent.ground_truth import compute_ground_truth
+    from agent.localizer import localize
+    from agent.runlog import read_run
+    from agent.truthfile import read_truth
+
+    check_animation(options.output)
+    if options.every < 1:
+        raise UsageError(f"--every: {options.every} is not a number of cycles, 1 or more")
+    run, (lab, _, _) = read_run(options.run), read_lab_file(options.map)
+    poses = None if options.truth is None else read_truth(options.truth)
+    header = run.header
+    truth = compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
+    found = localize(
+        [step.readings for step in run.steps],
+        truth,
+        preset=header.preset,
+        obstacle_noise=header.parameters.obstacle_noise,
+    )
+    frames = animate_run(run, found.beliefs, lab, options.output, truth=poses, every=options.every)
+    print(f"animation: {options.output}, {frames} frames")
+
+
+# --- watch ---------------------------------------------------------------------------------------
+
+
+def _watch_parser() -> OptionParser:
+    parser = OptionParser(
+        f"{PROGRAM} watch",
+        "Show a run while it goes on: one screen, redrawn as the log grows. Ctrl-C ends it.",
+    )
+    add = parser.add_argument
+    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl; may not exist yet")
+    add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
+    add("--once", action="store_true", help="show what is there and end")
+    add("--parent", type=int, metavar="PID", help="end with this process, which has started this one")
+    return parser
+
+
+def _watch(options: argparse.Namespace) -> None:
+    from agent.watching import watch
+
+    lab, _, _ = read_lab_file(options.map)
+    colour = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+    watch(options.run, lab, once=options.once, colour=colour, parent=options.parent)
+
+
+_COMMANDS: dict[str, tuple[Callable[[], OptionParser], Callable[[argparse.Namespace], None]]] = {
+    "draw": (_draw_parser, _draw),
+    "compare": (_compare_parser, _compare),
+    "animate": (_animate_parser, _animate),
+    "watch": (_watch_parser, _watch),
+}

@@ -1,0 +1,39 @@
+"""Where the robot was over a run, in the lab's frame, as far as the log and the beliefs tell."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.runlog import RecordedRun
+from agent.summary import peak
+from ciberrato.lab import CELL_SIZE
+
+Array = NDArray[np.float64]
+
+
+def estimated_track(run: RecordedRun, beliefs: Array) -> Array | None:
+    """Put the way that was driven where the last belief says that it ended.
+
+    The log tells the way relative to the start cell; the most likely cell of the last step, so many cells to
+    the right of the start, tells where that is.
+
+    Parameters
+    ----------
+    run : RecordedRun
+    beliefs : ndarray, shape (steps + 1, rows, columns)
+
+    Returns
+    -------
+    ndarray, shape (cycles, 3), or None
+        x, y in units and heading in degrees; None if nothing was recorded or the last belief is undefined.
+    """
+    steps = run.steps
+    if not steps or np.isnan(beliefs[-1]).any():
+        return None
+    row, column = peak(beliefs[-1]).cells[0]
+    start_x = (column - steps[-1].index + 0.5) * CELL_SIZE
+    start_y = (row + 0.5) * CELL_SIZE
+    return np.array(
+        [(start_x + cycle.displacement, start_y + cycle.lateral, cycle.heading) for cycle in run.cycles]
+    )

@@ -1,0 +1,190 @@
+"""The subcommands that show, on a run that was really driven."""
+
+import io
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from agent.belieffile import write_beliefs
+from agent.cli import main
+from agent.ground_truth import compute_ground_truth
+from agent.localizer import localize
+from agent.runlog import Cycle, RunHeader, RunWriter
+from agent.watching import LogFollower, screen, watch
+from benchmarks.accuracy import ANGLES, drive
+from ciberrato.labfile import read_lab
+from ciberrato.parameters import Parameters
+from ciberrato.startgrid import GridPosition
+from maps import find_lab
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A folder with log, truth and belief file of a drive of five cells in `standard`."""
+    folder = tmp_path_factory.mktemp("run")
+    lab, parameters = read_lab(find_lab("standard")), Parameters()
+    driven = drive(lab, GridPosition(x=19.0, y=7.0), parameters, 5)
+    header = RunHeader(
+        lab_name="standard_lab.xml",
+        lab_sha256="0" * 64,
+        parameters=parameters,
+        sensor_angles=ANGLES,
+        robot_name="tester",
+    )
+    truth = ["time,robot,x,y,dir_deg,state"]
+    with RunWriter(folder / "run.jsonl", header) as writer:
+        for crossing, (row, column) in zip(driven.crossings, driven.cells, strict=True):
+            writer.write(
+                Cycle(
+                    time=crossing.time,
+                    start=True,
+                    infrared=crossing.readings,
+                    command=(0.1, 0.1),
+                    answered=True,
+                    displacement=2.0 * crossing.index,
+                    phase="driving",
+                    step=crossing.index,
+                    readings=crossing.readings,
+                )
+            )
+            truth.append(f"{crossing.time},1,{2 * column + 1},{2 * row + 1},0,Running")
+    (folder / "truth.csv").write_text("\n".join(truth) + "\n")
+    readings = [crossing.readings for crossing in driven.crossings]
+    write_beliefs(
+        folder / "localization.out", localize(readings, compute_ground_truth(lab, ANGLES, parameters)).beliefs
+    )
+    return folder
+
+
+def test_each_drawing_is_made(run, tmp_path, capsys):
+    words = {
+        "walls": [],
+        "cones": ["--cell", "5,7", "--distance", "cone"],
+        "table": [],
+        "beliefs": ["--beliefs", "localization.out", "--run", "run.jsonl", "--truth", "truth.csv"],
+        "curves": ["--beliefs", "localization.out", "--run", "run.jsonl", "--truth", "truth.csv"],
+        "errors": ["--run", "run.jsonl", "--truth", "truth.csv"],
+    }
+    for what, more in words.items():
+        output = tmp_path / f"{what}.png"
+        more = [str(run / word) if (run / word).is_file() else word for word in more]
+        assert main(["draw", what, "-o", str(output), *more]) == 0
+        assert output.read_bytes().startswith(b"\x89PNG")
+        assert capsys.readouterr().out == f"figure: {output}\n"
+
+
+def test_compare_says_where_and_draws(run, tmp_path, capsys):
+    changed = tmp_path / "other.out"
+    changed.write_text((run / "localization.out").read_text())
+    figure = tmp_path / "compare.svg"
+    words = ["compare", str(run / "localization.out"), str(changed), "--png", str(figure), "-m", "standard"]
+    assert main(words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[1] for line in lines[1:-1]] == ["0.000"] * (len(lines) - 2)
+    assert figure.stat().st_size > 10_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["gif", "html"])
+def test_an_animation_has_a_frame_for_each_reading(run, tmp_path, capsys, kind):
+    output = tmp_path / f"run.{kind}"
+    words = ["animate", str(run / "run.jsonl"), "-m", "standard", "-o", str(output), "--every", "50"]
+    words += ["--truth", str(run / "truth.csv")] if kind == "gif" else []
+    assert main(words) == 0
+    frames = int(re.search(r"(\d+) frames", capsys.readouterr().out)[1])
+    if kind == "gif":
+        from PIL import Image
+
+        with Image.open(output) as picture:
+            assert 5 <= picture.n_frames <= frames
+    else:
+        text = output.read_text()
+        assert text.count("data:image/png;base64") == frames
+        assert 'src="http' not in text
+
+
+def test_mp4_without_ffmpeg_is_refused_in_one_line(run, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    words = ["animate", str(run / "run.jsonl"), "-m", "standard", "-o", str(tmp_path / "a.mp4")]
+    assert main(words) == 2
+    assert "mp4 needs the program ffmpeg" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["draw", "nothing", "-o", "x.png"], "invalid choice: 'nothing'"),
+        (["draw", "beliefs", "-o", "x.png"], "draw beliefs needs --beliefs FILE"),
+        (["draw", "cones", "-o", "x.png", "--cell", "99,1"], "(99, 1) is outside"),
+        (["draw", "cones", "-o", "x.png", "--cell", "here"], "'here' is not a point"),
+        (["draw", "cones", "-o", "x.png", "--angles", "1,2,3"], "is not four angles"),
+        (["draw", "walls", "-o", "x.png", "-m", "atlantis"], "atlantis"),
+        (["animate", "none.jsonl", "-m", "standard", "-o", "x.txt"], ".gif, .mp4, .html"),
+        (["animate", "none.jsonl", "-m", "standard", "-o", "x.gif"], "none.jsonl"),
+        (["compare", "a.out", "b.out"], "a.out"),
+    ],
+)
+def test_what_cannot_be_shown_is_said_in_one_line(words, problem, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert problem in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_log_is_followed_line_by_line(run, tmp_path):
+    lines = (run / "run.jsonl").read_bytes().splitlines(keepends=True)
+    path = tmp_path / "growing.jsonl"
+    follower = LogFollower(path)
+    assert follower.poll() is False
+    with path.open("wb", buffering=0) as stream:
+        stream.write(lines[0] + lines[1][:20])
+        assert follower.poll() is True
+        assert follower.header.robot_name == "tester"
+        assert follower.cycles == []
+        stream.write(lines[1][20:])
+        assert follower.poll() is True
+        assert len(follower.cycles) == 1
+        assert follower.poll() is False
+    path.write_bytes(lines[0])  # another run begins
+    follower.poll()
+    assert follower.cycles == []
+
+
+@pytest.mark.parametrize("lab_name", ["standard", "wide"])
+def test_the_screen_fits_the_terminal(run, lab_name):
+    follower = LogFollower(run / "run.jsonl")
+    follower.poll()
+    truth = compute_ground_truth(read_lab(find_lab(lab_name)), ANGLES)
+    text = screen(follower.run, truth, width=80, height=24)
+    assert len(text.splitlines()) < 24
+    assert max(map(len, text.splitlines())) <= 80
+    assert text.startswith("tester in standard_lab.xml: cycle ")
+    assert "waiting" in screen(None, truth)
+
+
+def test_watch_once_shows_the_last_belief(run):
+    out = io.StringIO()
+    watch(run / "run.jsonl", read_lab(find_lab("standard")), out=out, once=True, colour=False)
+    assert "most likely cell" in out.getvalue()
+    assert "(27, 7)" in out.getvalue()
+
+
+def test_watch_ends_when_nothing_comes(tmp_path):
+    out = io.StringIO()
+    watch(tmp_path / "never.jsonl", read_lab(find_lab("standard")), out=out, idle_limit=0.05)
+    assert out.getvalue() == ""
+
+
+def test_the_track_ends_in_the_most_likely_cell(run):
+    from agent.belieffile import read_beliefs
+    from agent.runlog import read_run
+    from agent.track import estimated_track
+
+    beliefs = read_beliefs(run / "localization.out")[-1].beliefs
+    track = estimated_track(read_run(run / "run.jsonl"), beliefs)
+    np.testing.assert_allclose(track[-1][:2], (27, 7))
+    np.testing.assert_allclose(track[0][:2], (19, 7))
