@@ -378,3 +378,70 @@ def test_wheels_at_a_wall_stay_and_turn():
 def test_what_is_no_motion_is_refused(make):
     with pytest.raises(ValueError):  # noqa: PT011  each has its own words
         make()
+
+
+def test_three_passes_equal_their_matrices_built_entry_by_entry():
+    space = pose_grid((4, 5, 12), cell=0.5, origin=(0.0, 0.0, -math.pi))
+    noise = OdometryNoise(rotation=0.4, translation=0.3)
+    free = np.random.default_rng(8).random((4, 5)) < 0.8
+    model = TurnDriveTurn(space=space, noise=noise, free=free, window=8.0)
+    u = OdometryReading(rot1=0.9, trans=0.7, rot2=-0.5)
+    cells = list(np.ndindex(*space.shape))
+    first, drive, second = np.zeros((3, len(cells), len(cells)))
+    width = space.axes[2].cell
+    for a, (i, j, k) in enumerate(cells):
+        for turn, target in ((u.rot1, first), (u.rot2, second)):
+            # A Gaussian of 0.58 cells variance: three points with its mean and second moment.
+            mean, variance = turn / width, (0.4 / width) ** 2
+            nearest, rest = round(mean), mean - round(mean)
+            assert 0.25 < variance < 0.75
+            for step, weight in (
+                (-1, (variance + rest * rest - rest) / 2),
+                (0, 1 - variance - rest * rest),
+                (1, (variance + rest * rest + rest) / 2),
+            ):
+                target[a, cells.index((i, j, (k + nearest + step) % 12))] += weight
+        heading = space.axes[2].centres[k]
+        places = np.linspace(-8, 8, 2 * math.ceil(8 * 0.3 / 0.125) + 1)
+        for place, weight in zip(
+            places, np.exp(-(places**2) / 2) / np.exp(-(places**2) / 2).sum(), strict=True
+        ):
+            x = i + (u.trans + 0.3 * place) * math.cos(heading) / 0.5
+            y = j + (u.trans + 0.3 * place) * math.sin(heading) / 0.5
+            for di in (0, 1):
+                for dj in (0, 1):
+                    at = math.floor(x) + di, math.floor(y) + dj
+                    share = (1 - abs(x - at[0])) * (1 - abs(y - at[1]))
+                    if 0 <= at[0] < 4 and 0 <= at[1] < 5 and free[at]:
+                        drive[a, cells.index((*at, k))] += weight * share
+    ours = transition_matrix(model.predict, space.shape, u)
+    np.testing.assert_allclose(ours, first @ drive @ second, atol=1e-12)
+
+
+def test_velocity_kernel_has_the_formulas_value_for_each_pair_of_cells():
+    space = pose_grid((4, 4, 10), cell=0.5, origin=(0.0, 0.0, -math.pi))
+    noise = VelocityNoise(speed=0.3, turning=0.8, final=0.5)
+    command = VelocityCommand(speed=0.6, turning=-0.7, duration=1.5)
+    way_sigma, turn_sigma, final_sigma = 0.45, 1.2, 0.75
+    ours = transition_matrix(VelocityMotion(space=space, noise=noise).predict, space.shape, command)
+    cells = list(np.ndindex(*space.shape))
+    for start in (cells[0], cells[77], cells[121]):
+        x0, y0, t0 = space.pose(start)
+        for end in cells[::3]:
+            x1, y1, t1 = space.pose(end)
+            away = math.hypot(x1 - x0, y1 - y0)
+            n = 4 if away == 0 else min(8, math.ceil(0.5 / (1.4 * 0.6 * away) - 1e-9))
+            total = 0.0
+            for a in range(n):
+                for b in range(n):
+                    dx = x1 - x0 + ((a + 0.5) / n - 0.5) * 0.5
+                    dy = y1 - y0 + ((b + 0.5) / n - 0.5) * 0.5
+                    for sign in (1, -1):
+                        beta = math.remainder(math.atan2(sign * dy, sign * dx) - t0, 2 * math.pi)
+                        stretch = beta / math.sin(beta) if beta else 1.0
+                        arc = sign * math.hypot(dx, dy) * stretch
+                        p = normal(arc - 0.9, way_sigma) * normal(2 * beta + 1.05, turn_sigma)
+                        p *= wound(t1 - t0 - 2 * beta, final_sigma)
+                        total += p * 2 * stretch * mean_inverse_distance(dx, dy, 0.5 / n)
+            expected = total * 2 * math.pi / 10
+            assert ours[cells.index(start), cells.index(end)] == pytest.approx(expected, rel=1e-7, abs=1e-12)

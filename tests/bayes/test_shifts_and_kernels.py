@@ -207,3 +207,21 @@ def test_prediction_on_a_circle_commutes_with_rotation(seed, shift, control, sig
 def test_what_is_no_motion_is_refused(make):
     with pytest.raises(ValueError):  # noqa: PT011  each has its own words
         make()
+
+
+@given(place=st.integers(0, 59), control=st.floats(-9, 9), sigma=st.floats(0, 4), edge=edges)
+def test_prediction_of_a_point_mass_is_the_kernel(place, control, sigma, edge):
+    model = GaussianShift(cell=0.7, sigma=sigma, edge=edge)
+    point = np.zeros(60)
+    point[place] = 1.0
+    kernel = model.kernel(control)
+    expected = np.zeros(60)
+    for k, weight in enumerate(kernel.weights):
+        cell = arrive(place + kernel.first + k, 60, edge)
+        if cell is not None:
+            expected[cell] += weight
+    result = model.predict(point, control)
+    np.testing.assert_allclose(result, expected, atol=1e-15)
+    assert result.sum() <= 1 + 1e-12
+    if edge != "lose":
+        assert result.sum() == pytest.approx(1.0)
