@@ -57,7 +57,7 @@ def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
     Raises
     ------
     UsageError
-        If there is no such lab, it cannot be read, or it is smaller than a cell.
+        If there is no such lab, or it cannot be read.
     LabError
         If its contents are wrong.
     """
@@ -72,6 +72,4 @@ def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
     lab, warnings = parse_lab_with_warnings(data, str(path))
     for warning in warnings:
         Reporter().warn(warning)
-    if lab.rows < 1 or lab.columns < 1:
-        raise UsageError(f"{path}: the lab is smaller than a cell; there is nothing to localize in")
     return lab, path, data

@@ -1,0 +1,188 @@
+"""The command line: mistakes are one line and status 2; what is printed when things end oddly."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agent.cli import main
+from agent.runlog import RunHeader, RunWriter
+from ciberrato.parameters import Parameters
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def fails(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("ciberrato-agent: ")
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--no-such-option"], "unrecognized arguments: --no-such-option (see ciberrato-agent --help)"),
+        (["run.jsonl"], "unrecognized arguments: run.jsonl"),
+        (["-h"], "argument -h/--host: expected one argument"),
+        (["-h", "a:b:c"], "address 'a:b:c': more than one colon"),
+        (["-h", "host:99999"], "port '99999' is not a number from 1 to 65535"),
+        (["-h", "no.such.host.invalid"], "host 'no.such.host.invalid' cannot be found"),
+        (["-p", "-1"], "argument -p/--pos: '-1' is not a whole number"),
+        (["-p", "one"], "argument -p/--pos: 'one' is not a whole number"),
+        (["-r", "x" * 300], "argument -r/--robname: a name has at most 200"),
+        (["-m", "nowhere"], "'nowhere' is neither a file nor a lab that ships; these ship: corridors"),
+        (["-m", "."], ".: is a directory"),
+        (["--transport", "smoke"], "argument --transport: invalid choice: 'smoke'"),
+        (["--preset", "best"], "argument --preset: invalid choice: 'best'"),
+        (["--distance", "far"], "argument --distance: invalid choice: 'far'"),
+        (["--angles", "0,90"], "'0,90' is not four angles"),
+        (["--angles", "0,90,x,180"], "'0,90,x,180' is not four angles"),
+        (["--angles", "0,90,inf,180"], "'0,90,inf,180' is not four angles"),
+        (["--cruise", "0"], "'0' is not a motor command"),
+        (["--cruise", "0.16"], "'0.16' is not a motor command"),
+        (["--cruise", "nan"], "'nan' is not a motor command"),
+        (["--precision", "1"], "'1' is not a number of decimals from 2 to 17"),
+        (["--silence", "0"], "'0' is not a number of seconds"),
+        (["--give-up-after", "inf"], "'inf' is not a number of seconds"),
+        (["-o", "nowhere/localization.out"], "there is no directory nowhere"),
+        (["--log", "nowhere/run.jsonl"], "there is no directory nowhere"),
+        (["-o", "."], ".: is a directory; give a file"),
+        (["-o", "x", "--log", "./x"], "--log and --output both name x"),
+        (["localize"], "the following arguments are required: RUN, -m/--map"),
+        (["localize", "none.jsonl", "-m", "maze"], "none.jsonl: cannot read the log: No such file"),
+        (["inspect"], "the following arguments are required: FILE"),
+        (["inspect", "none.out"], "none.out"),
+    ],
+)
+def test_mistakes_are_one_line(
+    arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert complaint in fails(arguments, capsys)
+
+
+@pytest.mark.parametrize(
+    ("contents", "complaint"),
+    [
+        (b"", "lab.xml"),
+        (b"<Lab>", "lab.xml:1"),
+        (b'<Lab Width="28" Height="1"/>', "lab.xml:1: Lab Height"),
+    ],
+)
+def test_broken_labs_are_refused_before_the_robot_registers(
+    contents: bytes, complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("lab.xml").write_bytes(contents)
+    assert complaint in fails(["-m", "lab.xml", "-h", "127.0.0.1:9"], capsys)
+
+
+def test_a_file_that_cannot_be_written_is_told_before_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+    if os.geteuid() == 0:
+        pytest.skip("nothing is forbidden to root")
+    Path("closed").mkdir(mode=0o500)
+    assert "permission denied" in fails(["-o", "closed/localization.out"], capsys)
+
+
+def test_nobody_answers(capsys: pytest.CaptureFixture[str]) -> None:
+    message = fails(["-h", "127.0.0.1:9", "--give-up-after", "0.05"], capsys)
+    assert message == "ciberrato-agent: no simulator has answered at 127.0.0.1:9 in 0.05 s\n"
+    assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize("words", [[], ["localize"], ["inspect"]])
+def test_help_names_every_option(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main([*words, "--help"])
+    assert caught.value.code == 0
+    text = capsys.readouterr().out
+    assert "--help" in text
+    assert len(max(text.splitlines(), key=len)) <= 110
+    for option in {"": ["-h", "-p", "-r", "-m"], "localize": ["-m", "-o"], "inspect": ["--png"]}[
+        " ".join(words)
+    ]:
+        assert option in text
+
+
+HEADER = RunHeader(
+    lab_name="maze_lab.xml",
+    lab_sha256="0" * 64,
+    parameters=Parameters(),
+    sensor_angles=(0.0, 90.0, -90.0, 180.0),
+)
+
+
+def test_a_log_without_steps_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    RunWriter(Path("run.jsonl"), HEADER).close()
+    assert main(["localize", "run.jsonl", "-m", "maze"]) == 2
+    errors = capsys.readouterr().err
+    assert "recorded in maze_lab.xml, whose contents differ" in errors
+    assert "no step was recorded" in errors
+    assert not Path("localization.out").exists()
+
+
+@pytest.fixture
+def recorded(fake_simulator: Callable[..., Any], capsys: pytest.CaptureFixture[str]) -> None:
+    """A run.jsonl and its localization.out, of three cells."""
+    simulator = fake_simulator(Parameters(sim_time=0), (23.0, 7.0, 0.0))
+    assert main(["-h", f"127.0.0.1:{simulator.port}", "--exit-at-wall", "--seed", "5"]) == 0
+    capsys.readouterr()
+
+
+@pytest.mark.usefixtures("recorded")
+def test_localize_repeats_what_the_run_wrote(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = Path("run.jsonl").read_text().splitlines()
+    assert json.loads(lines[0])["seed"] == 5
+    assert sum('"step"' in line for line in lines) == 3
+    assert main(["localize", "run.jsonl", "-m", "standard", "-o", "again.out"]) == 0
+    assert Path("again.out").read_bytes() == Path("localization.out").read_bytes()
+    assert "most likely cell" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("recorded")
+def test_localize_takes_other_settings(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--preset", "seed", "--precision", "5", "--quiet"]
+    assert main(["localize", "run.jsonl", "-m", "standard", "-o", "other.out", *options]) == 0
+    assert capsys.readouterr().out == ""
+    first = Path("other.out").read_text().split()[0]
+    assert first == "0.01020"
+
+
+@pytest.mark.usefixtures("recorded")
+def test_inspect_shows_the_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", "localization.out", "-m", "standard"]) == 0
+    assert "entropy" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("recorded")
+def test_a_reader_that_has_seen_enough_does_no_harm() -> None:
+    command = [sys.executable, "-m", "agent", "inspect", str(Path("localization.out").resolve())]
+    reading, writing = os.pipe()
+    os.close(reading)
+    result = subprocess.run(command, cwd=REPOSITORY, stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert result.returncode == 0
+    assert result.stderr == b""
+
+
+def test_signals_are_given_back_to_whoever_had_them() -> None:
+    import signal
+
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    assert main(["inspect", "none.out"]) == 2
+    assert main(["-h", "127.0.0.1:9", "--give-up-after", "0.01"]) == 2
+    after = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    assert after == before
