@@ -1,0 +1,157 @@
+"""How long the agent takes to register, to end, and to find its window: real processes on loopback."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from agent.ground_truth import compute_ground_truth
+from benchmarks.measure import Row, best_time
+from ciberrato.geometry import WallMap
+from ciberrato.infrared import ideal_reading, round_reading, sensor_distances
+from ciberrato.kinematics import advance, clamp_power, filter_power
+from ciberrato.labfile import read_lab
+from ciberrato.parameters import Parameters
+from ciberrato.protocol import Acceptance, Measures, decode_actions, encode
+from maps import find_lab
+
+REPEATS = 7
+ANGLES = (0.0, 90.0, -90.0, 180.0)
+HOLDING_FOR = 12  # steps on the row y = 7 of the standard lab
+
+
+def rows() -> Iterator[Row]:
+    """Yield what is measured."""
+    yield from start_rows()
+    yield from end_rows()
+    yield from table_rows()
+
+
+def start_rows() -> Iterator[Row]:
+    """Process start to the first registration datagram, beside what Python itself and numpy take."""
+    group = "agent: process start to first registration datagram"
+    yield Row(
+        group=group, who="python -c pass", seconds=least(lambda: to_exit(["-c", "pass"])), reference=True
+    )
+    yield Row(
+        group=group, who="python -c 'import numpy'", seconds=least(lambda: to_exit(["-c", "import numpy"]))
+    )
+    yield Row(group=group, who="agent", seconds=least(to_registration), ours=True, target=0.150)
+    window = least(to_handlers)
+    note = "before that a Ctrl-C is Python's own business"
+    yield Row(group=group, who="agent, until its handlers are in place", seconds=window, ours=True, note=note)
+
+
+def end_rows() -> Iterator[Row]:
+    """SIGINT to the renamed file, and to the end of the process, after twelve steps."""
+    group = f"agent: SIGINT to file, {HOLDING_FOR} steps"
+    times = np.array([to_file() for _ in range(REPEATS)])
+    yield Row(group=group, who="file in place", seconds=float(times[:, 0].min()), ours=True, reference=True)
+    yield Row(group=group, who="process ended", seconds=float(times[:, 1].min()), ours=True)
+
+
+def table_rows() -> Iterator[Row]:
+    """The ground truth of the standard lab: 392 readings, and those at 27 pose errors."""
+    group = "agent: ground truth of the standard lab"
+    lab = read_lab(find_lab("standard"))
+    plain = best_time(lambda: compute_ground_truth(lab, ANGLES))
+    spread = best_time(lambda: compute_ground_truth(lab, ANGLES, Parameters()))
+    yield Row(group=group, who="392 readings and openings", seconds=plain, ours=True, reference=True)
+    yield Row(group=group, who="and 27 x 392 at pose errors", seconds=spread, ours=True, target=0.060)
+
+
+def least(work: object) -> float:
+    """Give the least of several times."""
+    assert callable(work)
+    return min(float(work()) for _ in range(REPEATS))
+
+
+def to_exit(arguments: Sequence[str]) -> float:
+    start = time.perf_counter()
+    subprocess.run([sys.executable, *arguments], check=True)
+    return time.perf_counter() - start
+
+
+def to_registration() -> float:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as main, tempfile.TemporaryDirectory() as folder:
+        main.bind(("127.0.0.1", 0))
+        main.settimeout(30.0)
+        start = time.perf_counter()
+        process = start_agent(main.getsockname()[1], Path(folder))
+        main.recv(2000)
+        taken = time.perf_counter() - start
+        process.kill()
+        process.communicate()
+    return taken
+
+
+def to_handlers() -> float:
+    code = "import agent.signals as s, os; i = s.Interrupts(); i.install(); os.write(1, b'.'); os._exit(0)"
+    start = time.perf_counter()
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - start
+
+
+def start_agent(port: int, folder: Path) -> subprocess.Popen[bytes]:
+    files = ["--log", str(folder / "run.jsonl"), "-o", str(folder / "localization.out")]
+    command = [sys.executable, "-m", "agent", "-h", f"127.0.0.1:{port}", "--quiet", "--silence", "30", *files]
+    return subprocess.Popen(command, stderr=subprocess.DEVNULL)
+
+
+def to_file() -> tuple[float, float]:
+    """Drive from (5, 7) to the wall, send SIGINT, and time the file and the end of the process."""
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder) / "localization.out"
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as main:
+            main.bind(("127.0.0.1", 0))
+            main.settimeout(30.0)
+            process = start_agent(main.getsockname()[1], Path(folder))
+            serve(main)
+        watch = os.pidfd_open(process.pid)
+        start = time.perf_counter()
+        os.kill(process.pid, signal.SIGINT)
+        while not output.exists():
+            time.sleep(0.0002)
+        in_place = time.perf_counter() - start
+        select.select((watch,), (), ())
+        ended = time.perf_counter() - start
+        os.close(watch)
+        assert process.wait() == 0
+        assert output.read_text().count("\n\n") == HOLDING_FOR + 1
+    return in_place, ended
+
+
+def serve(main: socket.socket) -> None:
+    """Simulate one robot without motor noise, until it has stood before the wall for some cycles."""
+    walls = WallMap.from_lab(read_lab(find_lab("standard")))
+    generator = np.random.default_rng(1)
+    x, y, heading, left, right = 5.0, 7.0, 0.0, 0.0, 0.0
+    _, client = main.recvfrom(2000)
+    main.sendto(encode(Acceptance(parameters=Parameters(sim_time=0))), client)
+    standing = -1
+    time_now = 0
+    while standing < 20:
+        directions = heading + np.radians(ANGLES)
+        ideal = ideal_reading(sensor_distances(walls, x, y, directions))
+        front, on_left, on_right, back = round_reading(ideal + 0.1 * generator.standard_normal(4)).tolist()
+        message = Measures(
+            time=time_now, start=True, collision=False, compass=0.0, infrared=(front, on_left, on_right, back)
+        )
+        main.sendto(encode(message), client)
+        actions = decode_actions(main.recv(2000))
+        command = actions.left_motor or 0.0, actions.right_motor or 0.0
+        right = filter_power(clamp_power(command[1]), right)
+        left = filter_power(clamp_power(command[0]), left)
+        x, y, heading = advance(x, y, heading, left, right)
+        time_now += 1
+        standing = standing + 1 if x > 26.99 and command == (0.0, 0.0) else 0
