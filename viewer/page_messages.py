@@ -193,7 +193,7 @@ def marks_answer(marks: Sequence[Mark], epoch: int, skip: int) -> str:
 def lab_document(lab: Lab) -> dict[str, Any]:
     """Write a lab; corners are flat lists x, y, x, y. What has no finite place cannot be drawn: left out."""
     walls = [
-        (wall.height, [round(value, 4) for corner in wall.corners for value in corner])
+        (wall.height, [value for corner in wall.corners for value in corner])
         for wall in lab.walls
         if all(map(math.isfinite, (wall.height, *(value for corner in wall.corners for value in corner))))
     ]
