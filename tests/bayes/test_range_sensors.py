@@ -225,7 +225,20 @@ def test_gaussian_beams_equal_scipys_densities():
     bare = GaussianSensor(sigma=0.5, normalized=False).log_likelihood(reading, mean)
     full = GaussianSensor(sigma=0.5).log_likelihood(reading, mean)
     np.testing.assert_allclose(bare - full, 6 * math.log(0.5 * math.sqrt(2 * math.pi)))
+    for model in (
+        GaussianSensor(sigma=sigma),
+        GaussianSensor(sigma=0.01),
+        GaussianSensor(sigma=0.5, normalized=False),
+    ):
+        prepared = model.prepare(mean)
+        np.testing.assert_allclose(
+            prepared.log_likelihood(reading), model.log_likelihood(reading, mean), rtol=1e-9
+        )
+    with pytest.raises(ValueError, match="6 finite beams"):
+        prepared.log_likelihood(np.append(reading[:5], np.nan))
     mean[0, 0, 0] = np.nan
+    with pytest.raises(ValueError, match="finite means"):
+        GaussianSensor(sigma=0.5).prepare(mean)
     assert GaussianSensor(sigma=0.5).log_likelihood(reading, mean)[0, 0] == -np.inf
 
 

@@ -62,3 +62,65 @@ class GaussianSensor:
         if missing.any():
             terms[..., missing] = 0.0
         return np.asarray(terms.sum(axis=-1))
+
+    def prepare(self, mean: ArrayLike) -> PreparedGaussian:
+        """Work out what does not depend on the reading, for many readings in one map.
+
+        Parameters
+        ----------
+        mean : array_like, shape (..., beams)
+            Expected reading per cell, finite.
+
+        Returns
+        -------
+        PreparedGaussian
+        """
+        return PreparedGaussian(self, mean)
+
+
+class PreparedGaussian:
+    r"""A Gaussian sensor in one map: a reading costs a matrix product, or two if sigma differs between cells.
+
+    .. math:: \sum_b \frac{(z_b - \mu_b)^2}{\sigma_b^2}
+       = \sum_b \frac{z_b^2}{\sigma_b^2} - 2 \sum_b \frac{\mu_b}{\sigma_b^2} z_b + \sum_b
+       \frac{\mu_b^2}{\sigma_b^2}
+
+    The difference of large sums costs about log10(mean squared reading over sigma) digits of 16.
+
+    Parameters
+    ----------
+    sensor : GaussianSensor
+        Its sigma.
+    mean : array_like, shape (..., beams)
+        Expected reading per cell, finite.
+    """
+
+    def __init__(self, sensor: GaussianSensor, mean: ArrayLike) -> None:
+        mean = np.asarray(mean, dtype=float)
+        if not np.isfinite(mean).all():
+            raise ValueError(
+                "a prepared sensor needs finite means; leave impossible cells out of the belief instead"
+            )
+        beams = mean.shape[-1]
+        weight = np.broadcast_to(1.0 / np.square(sensor.sigma), mean.shape).reshape(-1, beams)
+        flat = mean.reshape(-1, beams)
+        self._shape = mean.shape[:-1]
+        same = bool((weight == weight[0]).all())
+        # With one sigma the squares of the reading are the same for all cells.
+        self._weight = weight[0].copy() if same else np.ascontiguousarray(weight)
+        self._linear = np.ascontiguousarray(weight * flat)
+        self._constant = -0.5 * (self._linear * flat).sum(axis=1)
+        if sensor.normalized:
+            self._constant += 0.5 * np.log(weight).sum(axis=1) - beams * LOG_SQRT_TWO_PI
+
+    def log_likelihood(self, reading: ArrayLike) -> FloatArray:
+        """Give log p(reading | cell), shape (...), for a reading of shape (beams,) without missing beams."""
+        reading = np.asarray(reading, dtype=float)
+        if reading.shape != self._linear.shape[1:] or not np.isfinite(reading).all():
+            raise ValueError(
+                f"a prepared sensor takes {self._linear.shape[1]} finite beams, not shape {reading.shape}"
+            )
+        result = self._linear @ reading
+        result += self._constant
+        result -= 0.5 * (self._weight @ np.square(reading))
+        return np.asarray(result.reshape(self._shape))
