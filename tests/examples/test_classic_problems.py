@@ -178,7 +178,7 @@ def test_museum_ends_sure_of_the_true_pose_after_being_torn_between_ten_rooms():
     assert len(tour.truth) >= 21
     tour = tour._replace(truth=tour.truth[:24], scans=tour.scans[:24])
     stops = museum.localize(hall, tour)
-    assert stops[0].mass_near_truth < 0.1
+    assert stops[0].mass_near_truth < 0.2
     assert np.mean([stop.mass_near_truth for stop in stops[-5:]]) > 0.5
     assert math.hypot(*(stops[-1].best_pose[:2] - tour.truth[-1, :2])) < 0.6
 
