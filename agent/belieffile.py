@@ -106,7 +106,8 @@ def write_beliefs(path: str | os.PathLike[str], beliefs: Array, precision: int =
 def read_beliefs(path: str | os.PathLike[str]) -> tuple[BeliefRun, ...]:
     """Read a belief file of any writer: 2 to 17 decimals, any blanks, nan, several runs in a row.
 
-    A run begins at a prior: a block in which all possible cells, most of the lab, are equally likely.
+    A run begins at a prior: a block in which all possible cells, most of the lab, are equally likely. (A
+    filter that has lost everything and begun again writes the same; the file does not tell the two apart.)
 
     Parameters
     ----------

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agent.optionparser import OptionParser, read_lab_file
+from agent import optiontypes
+from agent.optionparser import (
+    DISTANCES,
+    PRESETS,
+    OptionParser,
+    add_output,
+    add_precision,
+    check_output,
+    read_lab_file,
+)
 from agent.reporter import PROGRAM, Reporter
 from ciberrato.errors import CiberratoError, UsageError
 
@@ -18,15 +26,9 @@ if TYPE_CHECKING:
     from agent.session import Settings
     from agent.signals import Interrupts
 
-# As in agent.runlog, which is not imported yet: its records take time that the registration should not wait
-# for.
-PRESETS = ("calibrated", "seed")
-DISTANCES = ("sensor", "cone")
 SHOW_COMMANDS = ("draw", "compare", "animate", "watch")
 DEFAULT_MAP = "standard"
 DEFAULT_LOG = Path("run.jsonl")
-DEFAULT_OUTPUT = Path("localization.out")
-_LONGEST_NAME = 200  # the real simulator dies of names much longer
 
 
 def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
@@ -47,7 +49,9 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if words[:1] == ["localize"]:
-            status = _localize(_localize_parser().parse_args(words[1:]), interrupts)
+            from agent.localizecommand import localize
+
+            status = localize(words[1:], interrupts)
         elif words[:1] == ["inspect"]:
             status = _inspect(_inspect_parser().parse_args(words[1:]))
         elif words and words[0] in SHOW_COMMANDS:
@@ -72,35 +76,21 @@ def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     from agent.session import Session
 
     interrupts.arm()
-    return Session(settings, interrupts, Reporter(quiet=options.quiet)).run()
+    reporter = Reporter(quiet=options.quiet)
+    if not options.online and options.drive == ("right", None) and not options.smooth:
+        return Session(settings, interrupts, reporter).run()
+    from agent.live_session import LiveSession, LiveSettings
 
-
-def _localize(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    import hashlib
-
-    from agent.runlog import read_run
-
-    run = read_run(options.run)
-    lab, path, data = read_lab_file(options.map)
-    _check_output(options.output)
-    if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
-        Reporter().warn(
-            f"{options.run} was recorded in {run.header.lab_name}, whose contents differ from those of {path}"
-        )
-    if not run.steps:
-        raise UsageError(f"{options.run}: no step was recorded; there is nothing to localize from")
-    from agent.ground_truth import compute_ground_truth
-    from agent.localization import print_localization, write_localization
-
-    interrupts.arm()  # from here on a signal must not harm the file
-    header = run.header
-    tables = compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
-    preset = header.preset if options.preset is None else options.preset
-    precision = header.precision if options.precision is None else options.precision
-    localization = write_localization(run, tables, preset=preset, output=options.output, precision=precision)
-    if not options.quiet:
-        print_localization(localization, options.output)
-    return 0
+    drive, goal = options.drive
+    live = LiveSettings(
+        drive=drive,
+        goal=goal,
+        start=options.start,
+        smooth=options.smooth,
+        exit_when_finished=options.exit_when_finished,
+        show=not options.quiet,
+    )
+    return LiveSession(settings, live, interrupts, reporter).run()
 
 
 def _inspect(options: argparse.Namespace) -> int:
@@ -120,8 +110,8 @@ def _settings(options: argparse.Namespace) -> Settings:
 
     host, port = parse_address(options.host)
     lab, path, data = read_lab_file(options.map)
-    _check_output(options.output)
-    _check_output(options.log)
+    check_output(options.output)
+    check_output(options.log)
     if options.log.resolve() == options.output.resolve():
         raise UsageError(f"--log and --output both name {options.log}")
     return Settings(
@@ -148,17 +138,6 @@ def _settings(options: argparse.Namespace) -> Settings:
     )
 
 
-def _check_output(path: Path) -> None:
-    """Refuse a file that cannot be written, before the run and not after it."""
-    folder = path.parent
-    if path.is_dir():
-        raise UsageError(f"{path}: is a directory; give a file")
-    if not folder.is_dir():
-        raise UsageError(f"{path}: there is no directory {folder}")
-    if not os.access(folder, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise UsageError(f"{path}: cannot be written: permission denied")
-
-
 def _run_parser() -> argparse.ArgumentParser:
     parser = OptionParser(
         PROGRAM,
@@ -173,40 +152,76 @@ def _run_parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("-h", "--host", default="127.0.0.1", metavar="HOST[:PORT]", help="default: this machine, port 6000")
-    add("-p", "--pos", type=_count, default=1, metavar="N", help="start position, 0 = any free; default: 1")
-    add("-r", "--robname", type=_name, default="ciberrato", metavar="NAME", help="the robot's name")
+    add(
+        "-p",
+        "--pos",
+        type=optiontypes.count,
+        default=1,
+        metavar="N",
+        help="start position, 0 = any free; default: 1",
+    )
+    add(
+        "-r", "--robname", type=optiontypes.name, default="ciberrato", metavar="NAME", help="the robot's name"
+    )
     add("-m", "--map", default=DEFAULT_MAP, metavar="LAB", help=f"lab file or name; default: {DEFAULT_MAP}")
     add("--transport", choices=("udp", "tcp"), default="udp", help="default: udp")
     add("--log", type=Path, default=DEFAULT_LOG, metavar="FILE", help=f"default: {DEFAULT_LOG}")
-    _add_output(parser)
+    add_output(parser)
     add("--preset", choices=PRESETS, default="calibrated", help="default: calibrated")
-    _add_precision(parser, default=3)
+    add_precision(parser, default=3)
     add("--distance", choices=DISTANCES, default="sensor", help="default: sensor")
     add(
         "--angles",
-        type=_angles,
+        type=optiontypes.angles,
         default=(0.0, 90.0, -90.0, 180.0),
         metavar="A,B,C,D",
         help="of the IR sensors, degrees; default: 0,90,-90,180 (--angles=-90,... if the first is negative)",
     )
-    add("--cruise", type=_cruise, default=0.1, metavar="POWER", help="motor command to 0.15; default: 0.1")
+    add(
+        "--cruise",
+        type=optiontypes.cruise,
+        default=0.1,
+        metavar="POWER",
+        help="motor command to 0.15; default: 0.1",
+    )
+    add("--online", action="store_true", help="know the pose while driving: print and log it every cycle")
+    add(
+        "--drive",
+        type=optiontypes.drive,
+        default=("right", None),
+        metavar="POLICY",
+        help="right (default), explore, active (to where the pose shows, then stop), goto:X,Y; all but the "
+        "first work from an unknown pose and imply --online",
+    )
+    add(
+        "--start",
+        choices=("anywhere", "centres"),
+        default="anywhere",
+        help="what --online takes for possible: any free pose (default), cell centres with four headings",
+    )
+    add("--smooth", action="store_true", help="belief file of the whole run's knowledge, for every cell")
+    add("--exit-when-finished", action="store_true", help="end the run when active or goto are done")
     add("--exit-at-wall", action="store_true", help="end the run when a wall is ahead")
-    add("--silence", type=_seconds, default=2.0, metavar="SECONDS", help="that end the run; default: 2")
-    add("--give-up-after", type=_seconds, metavar="SECONDS", help="without a simulator; default: never")
-    add("--seed", type=_count, metavar="N", help="of the simulation, for the log (the agent has none)")
+    add(
+        "--silence",
+        type=optiontypes.seconds,
+        default=2.0,
+        metavar="SECONDS",
+        help="that end the run; default: 2",
+    )
+    add(
+        "--give-up-after",
+        type=optiontypes.seconds,
+        metavar="SECONDS",
+        help="without a simulator; default: never",
+    )
+    add(
+        "--seed",
+        type=optiontypes.count,
+        metavar="N",
+        help="of the simulation, for the log (the agent has none)",
+    )
     add("--quiet", action="store_true", help="print nothing but errors")
-    return parser
-
-
-def _localize_parser() -> argparse.ArgumentParser:
-    parser = OptionParser(f"{PROGRAM} localize", "Run the filter over a run's log and write the belief file.")
-    add = parser.add_argument
-    add("run", type=Path, metavar="RUN", help="the log, run.jsonl")
-    add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
-    _add_output(parser)
-    add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
-    _add_precision(parser, default=None)
-    add("--quiet", action="store_true", help="no table")
     return parser
 
 
@@ -216,66 +231,3 @@ def _inspect_parser() -> argparse.ArgumentParser:
     parser.add_argument("--png", type=Path, metavar="FILE", help="draw all steps there")
     parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab over them")
     return parser
-
-
-def _add_output(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=DEFAULT_OUTPUT,
-        metavar="FILE",
-        help=f"belief file; default: {DEFAULT_OUTPUT}",
-    )
-
-
-def _add_precision(parser: argparse.ArgumentParser, default: int | None) -> None:
-    shown = "that of the run" if default is None else default
-    text = f"decimals, 2 to 17; default: {shown}"
-    parser.add_argument("--precision", type=_precision, default=default, metavar="N", help=text)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def _count(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and len(text) < 19):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, 0 or more")
-    return int(text)
-
-
-def _precision(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and 2 <= int(text) <= 17):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of decimals from 2 to 17")
-    return int(text)
-
-
-def _cruise(text: str) -> float:
-    value = _number(text)
-    if not 0.0 < value <= 0.15:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a motor command greater than 0, up to 0.15")
-    return value
-
-
-def _seconds(text: str) -> float:
-    value = _number(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds greater than 0")
-    return value
-
-
-def _angles(text: str) -> tuple[float, float, float, float]:
-    values = [_number(part) for part in text.split(",")]
-    if len(values) != 4 or not all(math.isfinite(value) for value in values):
-        raise argparse.ArgumentTypeError(f"{text!r} is not four angles in degrees, like 0,90,-90,180")
-    return values[0], values[1], values[2], values[3]
-
-
-def _name(text: str) -> str:
-    if len(text.encode(errors="replace")) > _LONGEST_NAME or not text.isprintable():
-        raise argparse.ArgumentTypeError(f"a name has at most {_LONGEST_NAME} printable characters")
-    return text

@@ -37,6 +37,10 @@ Array = NDArray[np.float64]
 Preset = Literal["seed", "calibrated"]
 PRESETS: tuple[Preset, ...] = ("seed", "calibrated")
 
+LEAST_NOISE = 0.01
+"""Standard deviation in 1/units that `calibrated` assumes where less is announced. A robot a hair's breadth
+off the centre reads something that without any noise no cell could explain."""
+
 SEED_VARIANCE = 0.1
 """Variance of a reading in the published method, in (1/units)²."""
 
@@ -111,7 +115,8 @@ def localize(
         if preset == "seed":
             log_likelihood = seed_log_likelihood(reading, truth.readings)
         else:
-            log_likelihood = calibrated_log_likelihood(reading, truth, obstacle_noise, at_start=step == 0)
+            noise = max(obstacle_noise, LEAST_NOISE)
+            log_likelihood = calibrated_log_likelihood(reading, truth, noise, at_start=step == 0)
         posterior, log_evidence[step] = update(predicted, log_likelihood, on_impossible="likelihood")
         if log_evidence[step] == -np.inf:
             recoveries.append(step)

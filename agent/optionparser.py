@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
+from agent import optiontypes
 from agent.reporter import Reporter
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
     from ciberrato.lab import Lab
+
+DEFAULT_OUTPUT = Path("localization.out")
+
+PRESETS = ("calibrated", "seed")
+DISTANCES = ("sensor", "cone")
+# As in agent.runlog, which is not imported yet: its records take time that the registration should not wait
+# for.
 
 
 class OptionParser(argparse.ArgumentParser):
@@ -73,3 +82,55 @@ def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
     for warning in warnings:
         Reporter().warn(warning)
     return lab, path, data
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Add ``--output``.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=DEFAULT_OUTPUT,
+        metavar="FILE",
+        help=f"belief file; default: {DEFAULT_OUTPUT}",
+    )
+
+
+def add_precision(parser: argparse.ArgumentParser, default: int | None) -> None:
+    """Add ``--precision``.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    default : int or None
+        None = that of the run.
+    """
+    shown = "that of the run" if default is None else default
+    text = f"decimals, 2 to 17; default: {shown}"
+    parser.add_argument("--precision", type=optiontypes.precision, default=default, metavar="N", help=text)
+
+
+def check_output(path: Path) -> None:
+    """Refuse a file that cannot be written, before the run and not after it.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    UsageError
+        If it is a directory, or is in none that can be written.
+    """
+    folder = path.parent
+    if path.is_dir():
+        raise UsageError(f"{path}: is a directory; give a file")
+    if not folder.is_dir():
+        raise UsageError(f"{path}: there is no directory {folder}")
+    if not os.access(folder, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise UsageError(f"{path}: cannot be written: permission denied")

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from agent import optiontypes
 from agent.optionparser import OptionParser, read_lab_file
 from agent.reporter import PROGRAM
 from ciberrato.errors import UsageError
@@ -65,7 +66,13 @@ def _draw_parser() -> OptionParser:
     add("-o", "--output", type=Path, required=True, metavar="FILE", help="the figure")
     add("--cell", default="1,1", metavar="X,Y", help="a point of the cell, in units; default: 1,1")
     add("--heading", type=float, default=0.0, metavar="DEGREES", help="of the robot; default: 0")
-    add("--angles", default="0,90,-90,180", metavar="A,B,C,D", help="of the sensors; default: 0,90,-90,180")
+    add(
+        "--angles",
+        type=optiontypes.angles,
+        default=(0.0, 90.0, -90.0, 180.0),
+        metavar="A,B,C,D",
+        help="of the sensors, degrees; default: 0,90,-90,180",
+    )
     add("--distance", choices=("sensor", "cone"), default="sensor", help="distance model; default: sensor")
     add("--beliefs", type=Path, metavar="FILE", help="belief file, localization.out")
     add("--run", type=Path, metavar="FILE", help="the run's log, run.jsonl")
@@ -89,17 +96,15 @@ def _draw_cones(options: argparse.Namespace, lab: Lab) -> None:
     from agent.figures.labmaps import sensor_cones
 
     cell = _cell(options.cell, lab)
-    angles = _angles(options.angles)
-    sensor_cones(lab, cell, angles, options.output, model=options.distance, heading=options.heading)
+    sensor_cones(lab, cell, options.angles, options.output, model=options.distance, heading=options.heading)
 
 
 def _draw_table(options: argparse.Namespace, lab: Lab) -> None:
     from agent.figures.labmaps import ground_truth_maps
     from agent.ground_truth import compute_ground_truth
 
-    angles = _angles(options.angles)
-    truth = compute_ground_truth(lab, angles, model=options.distance)
-    ground_truth_maps(lab, truth, angles, options.output)
+    truth = compute_ground_truth(lab, options.angles, model=options.distance)
+    ground_truth_maps(lab, truth, options.angles, options.output)
 
 
 def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
@@ -189,16 +194,6 @@ def _cell(text: str, lab: Lab) -> Cell:
     if not (0 <= x < lab.columns * CELL_SIZE and 0 <= y < lab.rows * CELL_SIZE):
         raise UsageError(f"--cell: ({x:g}, {y:g}) is outside the cells of {lab.name!r}")
     return int(y // CELL_SIZE), int(x // CELL_SIZE)
-
-
-def _angles(text: str) -> tuple[float, float, float, float]:
-    try:
-        a, b, c, d = (float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"--angles: {text!r} is not four angles in degrees, like 0,90,-90,180") from None
-    if not all(math.isfinite(angle) for angle in (a, b, c, d)):
-        raise UsageError(f"--angles: {text!r} is not four angles in degrees, like 0,90,-90,180")
-    return a, b, c, d
 
 
 # --- compare -------------------------------------------------------------------------------------

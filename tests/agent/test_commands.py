@@ -63,7 +63,7 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["--log", "nowhere/run.jsonl"], "there is no directory nowhere"),
         (["-o", "."], ".: is a directory; give a file"),
         (["-o", "x", "--log", "./x"], "--log and --output both name x"),
-        (["localize"], "the following arguments are required: RUN, -m/--map"),
+        (["localize"], "the following arguments are required: RUN"),
         (["localize", "none.jsonl", "-m", "maze"], "none.jsonl: cannot read the log: No such file"),
         (["inspect"], "the following arguments are required: FILE"),
         (["inspect", "none.out"], "none.out"),

@@ -1,0 +1,123 @@
+"""The subcommand ``localize``: the filter alone, from the log of a run."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agent import optiontypes
+from agent.optionparser import PRESETS, OptionParser, add_output, add_precision, check_output, read_lab_file
+from agent.reporter import PROGRAM, Reporter
+from ciberrato.errors import UsageError
+
+if TYPE_CHECKING:
+    from agent.runlog import RecordedRun
+    from agent.signals import Interrupts
+    from ciberrato.lab import Lab
+
+
+def localize(words: Sequence[str], interrupts: Interrupts) -> int:
+    """Run the filter over a log, of the agent or of a simulator, and write the belief file.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Command line after the subcommand.
+    interrupts : Interrupts
+        Installed.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+
+    Raises
+    ------
+    CiberratoError
+        For what the user can put right.
+    """
+    options = _parser().parse_args(words)
+    check_output(options.output)
+    if options.animate is not None:
+        from agent.figures.animation import check_animation
+
+        check_animation(options.animate)
+    run, lab = _read(options)
+    if not run.steps:
+        raise UsageError(
+            f"{options.run}: no step was recorded: the robot never stood looking to the right"
+        )
+    from agent.ground_truth import compute_ground_truth
+    from agent.localization import print_localization, write_localization
+
+    interrupts.arm()  # from here on a signal must not harm the file
+    header = run.header
+    tables = compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
+    preset = header.preset if options.preset is None else options.preset
+    precision = header.precision if options.precision is None else options.precision
+    localization = write_localization(run, tables, preset=preset, output=options.output, precision=precision)
+    if not options.quiet:
+        print_localization(localization, options.output)
+    if options.animate is not None:
+        from agent.figures.animation import animate_run
+
+        frames = animate_run(run, localization.beliefs, lab, options.animate)
+        Reporter(quiet=options.quiet).say(f"animation: {options.animate}, {frames} frames")
+    return 0
+
+
+def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
+    """Read the log, whosever it is, and the lab."""
+    from agent.simulatorlog import is_simulator_log
+
+    if is_simulator_log(options.run):
+        from agent.simulatorlog import run_from_simulator_log
+
+        run, lab = run_from_simulator_log(options.run, options.angles, robot=options.robot)
+        return run, lab if options.map is None else read_lab_file(options.map)[0]
+    from agent.runlog import read_run
+
+    run = read_run(options.run)
+    if options.map is None:
+        raise UsageError(
+            f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold it"
+        )
+    lab, path, data = read_lab_file(options.map)
+    if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
+        Reporter().warn(
+            f"{options.run} was recorded in {run.header.lab_name}, whose contents differ from those of {path}"
+        )
+    return run, lab
+
+
+def _parser() -> OptionParser:
+    parser = OptionParser(
+        f"{PROGRAM} localize",
+        "Run the filter over the log of a run and write the belief file. The log is the agent's (run.jsonl)\n"
+        "or a simulator's (--log of ciberrato-simulator or of the real one), which also holds the lab.",
+    )
+    add = parser.add_argument
+    add("run", type=Path, metavar="RUN", help="the log")
+    add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
+    add_output(parser)
+    add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
+    add_precision(parser, default=None)
+    add(
+        "--angles",
+        type=optiontypes.angles,
+        default=(0.0, 90.0, -90.0, 180.0),
+        metavar="A,B,C,D",
+        help="of the IR sensors, where a simulator's log does not tell; default: 0,90,-90,180",
+    )
+    add(
+        "--robot",
+        type=optiontypes.count,
+        metavar="N",
+        help="which one of a simulator's log; default: the first",
+    )
+    add("--animate", type=Path, metavar="FILE", help="draw the run as a moving picture: .gif, .html, .mp4")
+    add("--quiet", action="store_true", help="no table")
+    return parser
