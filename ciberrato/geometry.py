@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ciberrato.lab import Lab, Wall
 from ciberrato.nearby import NearbyFaces
+from ciberrato.viewlists import ViewLists
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -92,6 +93,11 @@ class WallMap:
     def nearby(self) -> NearbyFaces:
         """The faces sorted by distance for each square unit: what makes one point at a time fast."""
         return NearbyFaces(self.start, self.end, self.edge, self.length, self.direction)
+
+    @cached_property
+    def views(self) -> ViewLists:
+        """The faces that a view cone can meet: what makes one IR sensor at a time fast."""
+        return ViewLists(self.start, self.end, self.edge, self.length, self.direction)
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Distance of points to the nearest face.

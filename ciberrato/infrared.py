@@ -111,8 +111,9 @@ def distances_at(walls: WallMap, x: float, y: float, directions: Iterable[float]
     distances = []
     for direction in directions:
         axis = wrap_once(direction)
-        sensor_x, sensor_y = x + SENSOR_OFFSET * math.cos(axis), y + SENSOR_OFFSET * math.sin(axis)
-        distances.append(single_cone_distance(walls, sensor_x, sensor_y, axis))
+        cosine, sine = math.cos(axis), math.sin(axis)
+        sensor_x, sensor_y = x + SENSOR_OFFSET * cosine, y + SENSOR_OFFSET * sine
+        distances.append(single_cone_distance(walls, sensor_x, sensor_y, axis, cosine, sine))
     return distances
 
 

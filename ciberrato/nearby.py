@@ -100,12 +100,23 @@ class NearbyFaces:
         -------
         bool
         """
-        for bound, face in self.nearest_first(x, y):
+        bounds, faces, reach = self.around(x, y)
+        for bound, (x0, y0, x1, y1, _, _, length, ux, uy) in zip(bounds, faces, strict=True):
             if bound >= radius:
                 return False
-            if _distance(x, y, face) < radius:
+            # `ciberrato.geometry.face_distances`, operation by operation.
+            dx, dy = x - x0, y - y0
+            along = dx * ux + dy * uy
+            if along < 0.0:
+                near = math.sqrt(dx * dx + dy * dy) < radius
+            elif along > length:
+                dx, dy = x - x1, y - y1
+                near = math.sqrt(dx * dx + dy * dy) < radius
+            else:
+                near = -radius < dx * uy - dy * ux < radius
+            if near:
                 return True
-        return False
+        return reach < radius and any(_distance(x, y, face) < radius for face in self._faces)
 
     def _sort(self, column: int, row: int) -> tuple[list[float], list[Face], float]:
         dx = column + 0.5 - self._start[:, 0]

@@ -11,6 +11,12 @@ SQUARES_PER_UNIT = 4
 """Small squares keep most lookups from finding any polygon at all."""
 
 
+NEAR = 0.25
+"""Units: the size of a square."""
+
+_AROUND = (-1, 0, 1)
+
+
 class Floor:
     """The polygons of a lab, listed under the squares that their bounding boxes touch.
 
@@ -29,6 +35,13 @@ class Floor:
                 for row in range(math.floor(min(ys)), math.floor(max(ys)) + 1):
                     squares[column, row].append(wall.corners)
         self._squares = {square: tuple(polygons) for square, polygons in squares.items()}
+        self._near = {
+            (column + right, row + up) for column, row in squares for right in _AROUND for up in _AROUND
+        }
+
+    def is_near_mark(self, x: float, y: float) -> bool:
+        """Whether any point within `NEAR` of one may be marked."""
+        return (math.floor(x * SQUARES_PER_UNIT), math.floor(y * SQUARES_PER_UNIT)) in self._near
 
     def is_marked(self, x: float, y: float) -> bool:
         """Whether a point is inside any polygon, by the even-odd rule."""

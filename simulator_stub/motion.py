@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ciberrato.collisions import resolve_collisions, settle
-from ciberrato.kinematics import advance, filter_power
+from ciberrato.kinematics import ROBOT_RADIUS, advance, filter_power
 from simulator_stub.robot_state import MOVING
 
 if TYPE_CHECKING:
@@ -29,6 +29,10 @@ def move(world: World, robots: Sequence[Robot]) -> None:
     deviation = world.parameters.motors_noise / 100.0
     for robot in robots:
         _run_motors(robot, deviation)
+    if len(robots) == 1:
+        x, y, _ = robots[0].wanted
+        _commit(robots[0], touches_wall=world.walls.touches(x, y, ROBOT_RADIUS), touches_robot=False)
+        return
     wall, robot_in_way = resolve_collisions(
         world.walls,
         [(robot.x, robot.y, robot.heading) for robot in robots],
@@ -36,17 +40,15 @@ def move(world: World, robots: Sequence[Robot]) -> None:
         [(robot.left_output + robot.right_output) / 2.0 for robot in robots],
     )
     for robot, touches_wall, touches_robot in zip(robots, wall, robot_in_way, strict=True):
-        _count_collision(robot, touches_wall=touches_wall, touches_robot=touches_robot)
-        if robot.state in MOVING:
-            pose = (robot.x, robot.y, robot.heading)
-            robot.x, robot.y, robot.heading = settle(pose, robot.wanted, robot.collides)
+        _commit(robot, touches_wall=touches_wall, touches_robot=touches_robot)
 
 
 def _run_motors(robot: Robot, deviation: float) -> None:
     """Filter the commands, with noise: the right motor draws first."""
     if deviation > 0.0:
-        right_factor = 1.0 + deviation * robot.motor_noise.normal()
-        left_factor = 1.0 + deviation * robot.motor_noise.normal()
+        right, left = robot.motor_noise.normals(2)
+        right_factor = 1.0 + deviation * right
+        left_factor = 1.0 + deviation * left
     else:
         right_factor = left_factor = 1.0
     robot.right_output = filter_power(robot.right_command, robot.right_output, right_factor)
@@ -54,10 +56,15 @@ def _run_motors(robot: Robot, deviation: float) -> None:
     robot.wanted = advance(robot.x, robot.y, robot.heading, robot.left_output, robot.right_output)
 
 
-def _count_collision(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
-    """Set the flags; the counter counts beginnings only."""
-    robot.collided_before = robot.collides
+def _commit(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
+    """Set the flags, the counter, which counts beginnings only, and the pose."""
+    collided_before = robot.touches_wall or robot.touches_robot
+    collides = touches_wall or touches_robot
+    robot.collided_before = collided_before
     robot.touches_wall = touches_wall
     robot.touches_robot = touches_robot
-    if robot.collides and not robot.collided_before:
+    if collides and not collided_before:
         robot.collisions += 1
+    if robot.state in MOVING:
+        pose = (robot.x, robot.y, robot.heading)
+        robot.x, robot.y, robot.heading = settle(pose, robot.wanted, collides)

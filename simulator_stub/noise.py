@@ -22,6 +22,7 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 BLOCK = 256
 """Numbers drawn at a time; of no influence on the numbers."""
@@ -83,29 +84,36 @@ class Stream:
         As in `NoiseRoot.generator`.
     """
 
-    __slots__ = ("_generator", "_key", "_normals", "_root", "_uniforms")
+    __slots__ = ("_generator", "_key", "_next", "_normals", "_root")
 
     def __init__(self, root: NoiseRoot, robot_id: int, use: str, *, running: bool) -> None:
         self._root = root
         self._key = (robot_id, use, running)
         self._generator: np.random.Generator | None = None
         self._normals: list[float] = []
-        self._uniforms: list[float] = []
+        self._next = 0
 
     def normal(self) -> float:
         """Return the next standard normal number."""
-        if not self._normals:
-            self._normals = self._source().standard_normal(BLOCK).tolist()[::-1]
-        return self._normals.pop()
+        return self.normals(1)[0]
 
-    def uniform(self) -> float:
-        """Return the next number uniform in [0, 1).
+    def normals(self, count: int) -> list[float]:
+        """Return the next standard normal numbers, at most `BLOCK` of them.
 
         A stream should serve either normals or uniforms: with both, the numbers depend on `BLOCK`.
         """
-        if not self._uniforms:
-            self._uniforms = self._source().random(BLOCK).tolist()[::-1]
-        return self._uniforms.pop()
+        begin = self._next
+        end = self._next = begin + count
+        if end > len(self._normals):
+            rest = self._normals[begin:]
+            self._normals = rest + self._source().standard_normal(BLOCK).tolist()
+            begin, end = 0, count
+            self._next = count
+        return self._normals[begin:end]
+
+    def uniforms(self, count: int) -> NDArray[np.float64]:
+        """Return the next numbers uniform in [0, 1), drawn when they are asked for: ask for many."""
+        return self._source().random(count)
 
     def _source(self) -> np.random.Generator:
         if self._generator is None:

@@ -135,7 +135,10 @@ class Robot:
         self.sensors: tuple[Sensor, ...] = ()
         self.request_names: frozenset[str] = frozenset()
         self.motor_noise = motor_noise
-        self.begin_cycle(0)
+        self.requests: set[str] = set()
+        self.requests_left = 0
+        self.said: str | None = None
+        self.received: set[str] = set()
         self.score = 0
         self.arrival_time = 0
         self.returning_time = 0
@@ -159,10 +162,10 @@ class Robot:
 
     def begin_cycle(self, request_limit: int) -> None:
         """Forget what lasts one cycle only."""
-        self.requests: set[str] = set()
+        self.requests.clear()
         self.requests_left = request_limit
-        self.said: str | None = None
-        self.received: set[str] = set()
+        self.said = None
+        self.received.clear()
 
     def apply(self, actions: Actions) -> None:
         """Take one message of the robot; what it does not mention stays as it is."""

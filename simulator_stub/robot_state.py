@@ -28,8 +28,11 @@ class RobotState(Enum):
     FINISHED = "Finished"
     REMOVED = "Removed"
 
+    # That of the name, which Enum takes, is computed in Python, several times a cycle.
+    __hash__ = object.__hash__
 
-MOVING = frozenset({RobotState.RUNNING, RobotState.RETURNING})
+
+MOVING = (RobotState.RUNNING, RobotState.RETURNING)
 """The states in which motors move a robot and scores count."""
 
 Condition = Callable[["Robot", SimulatorState, "Scoring"], bool]

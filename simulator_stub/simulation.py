@@ -25,6 +25,7 @@ from ciberrato.protocol import (
     RobotRegistration,
     RobotStatus,
 )
+from ciberrato.protocol.drafts import MeasuresDraft
 from ciberrato.startgrid import StartGrid
 from simulator_stub.motion import move
 from simulator_stub.noise import NoiseRoot, Stream
@@ -188,8 +189,9 @@ class Simulation:
             motor_noise=Stream(self._noise, robot_id, "motors", running=True),
             beacons_known=beacons,
         )
-        robot.sensors = tuple(sensor(self.world, robot, self._noise) for sensor in SENSORS)
-        robot.request_names = frozenset(name for sensor in robot.sensors for name in sensor.request_names)
+        sensors = [sensor(self.world, robot, self._noise) for sensor in SENSORS]
+        robot.sensors = tuple(sensor for sensor in sensors if sensor.is_present)
+        robot.request_names = frozenset(name for sensor in sensors for name in sensor.request_names)
         return robot
 
     def note_client(self) -> None:
@@ -367,15 +369,17 @@ class Simulation:
         return self._complete(robot, fields)
 
     def _complete(self, robot: Robot, fields: dict[str, Any]) -> Measures:
-        return Measures(
-            time=self.time,
-            start=self._machine.coming is SimulatorState.RUNNING,
-            stop=self._machine.coming is SimulatorState.STOPPED,
-            end_led=robot.end_led,
-            returning_led=robot.returning_led,
-            visiting_led=robot.visiting_led,
-            **fields,
-        )
+        draft: Any = MeasuresDraft()
+        draft.time = self.time
+        draft.start = self._machine.coming is SimulatorState.RUNNING
+        draft.stop = self._machine.coming is SimulatorState.STOPPED
+        draft.end_led = robot.end_led
+        draft.returning_led = robot.returning_led
+        draft.visiting_led = robot.visiting_led
+        for name, reading in fields.items():
+            setattr(draft, name, reading)
+        measures: Measures = draft.finish()
+        return measures
 
     def readings(self, robot: Robot, *, over: bool = False) -> Measures:
         """Say what the log holds: the last readings, asked for or not, and the LEDs.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from ciberrato.geometry import WallMap
 from ciberrato.lab import Lab
@@ -36,13 +37,8 @@ class World:
     @classmethod
     def build(cls, lab: Lab, grid: StartGrid, parameters: Parameters) -> World:
         """Put the pieces together and index the walls."""
-        return cls(
-            lab=lab,
-            grid=grid,
-            parameters=parameters,
-            walls=WallMap.from_lab(lab),
-            floor=Floor(lab),
-        )
+        walls, floor = _index(lab)
+        return cls(lab=lab, grid=grid, parameters=parameters, walls=walls, floor=floor)
 
     def walls_hiding(self, height: float) -> WallMap:
         """Return the walls that hide a beacon of some height: those at least as high, border included."""
@@ -52,3 +48,9 @@ class World:
 
     def __deepcopy__(self, memo: dict[int, object]) -> World:
         return self
+
+
+@lru_cache(maxsize=16)
+def _index(lab: Lab) -> tuple[WallMap, Floor]:
+    """Index the walls of a lab, once for all worlds in it: what the index finds out is kept as it is used."""
+    return WallMap.from_lab(lab), Floor(lab)

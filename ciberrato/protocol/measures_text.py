@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from ciberrato.protocol.drafts import MeasuresDraft
 from ciberrato.protocol.messages import BeaconReading, HeardMessage, Measures, ScoreReading
 from ciberrato.protocol.text import attribute, cdata, general, required, strict_integer, strict_real
 from ciberrato.protocol.xmltree import Element
@@ -47,12 +48,6 @@ _LAYOUT = re.compile(
 _BEACON = re.compile(rb'Id="([0-9]+)" Value="([^"]+)"')
 
 
-class _Draft:
-    """Measures whose fields are still being set."""
-
-    __slots__ = Measures.__slots__
-
-
 def measures_from_layout(data: bytes) -> Measures | None:
     """Read Measures in the exact layout of the simulators; None where it differs in any byte."""
     match = _LAYOUT.match(data)
@@ -63,8 +58,7 @@ def measures_from_layout(data: bytes) -> Measures | None:
         score, arrival, returning, collisions, colliding, mask,
         end_led, returning_led, visiting_led, start, stop,
     ) = match.groups()  # fmt: skip
-    # The constructor of a frozen record costs as much as all the rest; a draft of the same layout does not.
-    draft: Any = _Draft()
+    draft: Any = MeasuresDraft()
     draft.time = int(time)
     draft.start = start == b"On"
     draft.stop = stop == b"On"
@@ -94,8 +88,7 @@ def measures_from_layout(data: bytes) -> Measures | None:
             collision=colliding == b"True",
             visited_mask=mask.decode("ascii"),
         )
-    draft.__class__ = Measures
-    measures: Measures = draft
+    measures: Measures = draft.finish()
     return measures
 
 

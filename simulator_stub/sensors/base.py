@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Reading = TypeVar("Reading")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: one is made in each cycle, and that takes twice as long
 class Scene:
     """What sensors see of a cycle, beside their own robot.
 
@@ -63,6 +63,11 @@ class Sensor(ABC):
         self.noise: tuple[Stream, Stream] = streams(noise, robot.robot_id, self.name)
 
     @property
+    def is_present(self) -> bool:
+        """Whether the robot carries it at all; one that is not there can still be asked for."""
+        return True
+
+    @property
     def request_names(self) -> tuple[str, ...]:
         """What it is called in SensorRequests; empty if it cannot be asked for."""
         return ()
@@ -97,5 +102,7 @@ class Delay(Generic[Reading]):
 
     def pass_through(self, reading: Reading) -> Reading:
         """Put a reading in and take the oldest out."""
+        if not self._queue:
+            return reading
         self._queue.append(reading)
         return self._queue.popleft()

@@ -48,6 +48,11 @@ class BeaconSensors(Sensor):
         self.bearings = hidden
 
     @property
+    def is_present(self) -> bool:
+        """Whether the parameters give the robot one."""
+        return self._present
+
+    @property
     def request_names(self) -> tuple[str, ...]:
         """Return the names in SensorRequests."""
         return tuple(f"Beacon{number}" for number in range(len(self._beacons)))

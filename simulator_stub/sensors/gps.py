@@ -28,6 +28,11 @@ class GpsSensor(Sensor):
         self.reading = (0.0, 0.0)
 
     @property
+    def is_present(self) -> bool:
+        """Whether the parameters give the robot one."""
+        return self._present
+
+    @property
     def request_names(self) -> tuple[str, ...]:
         """Return the name in SensorRequests."""
         return ("GPS",)

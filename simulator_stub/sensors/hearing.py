@@ -31,6 +31,8 @@ class Hearing(Sensor):
 
     def update(self, robot: Robot, scene: Scene) -> None:
         """Listen."""
+        if not (scene.speakers or self._heard):
+            return
         self._heard = tuple(
             HeardMessage(sender=speaker.robot_id, text=speaker.said)
             for speaker in scene.speakers

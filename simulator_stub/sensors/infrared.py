@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ciberrato.infrared import distances_at, ideal_reading, other_robot_distance, round_reading
+from ciberrato.infrared import CONTACT, SATURATION, distances_at, other_robot_distance
 from simulator_stub.sensors.base import Delay, Scene, Sensor
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from simulator_stub.world import World
 
 SENSORS = 4
+INFINITE = math.inf
 
 
 class InfraredSensors(Sensor):
@@ -39,14 +40,23 @@ class InfraredSensors(Sensor):
         """Measure the distances and turn them into readings."""
         directions = [robot.heading + angle for angle in self._angles]
         distances = distances_at(self.world.walls, robot.x, robot.y, directions)
-        for other in scene.robots:
+        for other in scene.robots if len(scene.robots) > 1 else ():
             if other is not robot:
                 for number, direction in enumerate(directions):
                     seen = other_robot_distance(robot.x, robot.y, direction, other.x, other.y)
                     distances[number] = min(distances[number], seen)
-        draw = self.noise[scene.running].normal
+        deviation, floor = self._deviation, math.floor
         self.reading = self._delay.pass_through(
-            tuple(round_reading(ideal_reading(distance) + self._deviation * draw()) for distance in distances)
+            tuple(
+                [
+                    # As `ideal_reading` and `round_reading` do, without their calls.
+                    floor(
+                        10.0 * ((1.0 / d if CONTACT < d < INFINITE else SATURATION) + deviation * draw) + 0.5
+                    )
+                    / 10.0
+                    for d, draw in zip(distances, self.noise[scene.running].normals(SENSORS), strict=True)
+                ]
+            )
         )
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:

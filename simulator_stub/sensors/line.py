@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from simulator_stub.sensors.base import Scene, Sensor
 
 if TYPE_CHECKING:
-    from simulator_stub.noise import NoiseRoot
+    from simulator_stub.noise import NoiseRoot, Stream
     from simulator_stub.robot import Robot
     from simulator_stub.world import World
 
@@ -20,6 +22,16 @@ AHEAD = 0.438
 
 SIDEWAYS = (0.24, 0.16, 0.08, 0.0, -0.08, -0.16, -0.24)
 """Units to the left of the robot's axis, in the order of the characters."""
+
+
+BITS = np.array([64, 32, 16, 8, 4, 2, 1])
+"""What the elements count in a number that stands for a reading."""
+
+TEXTS = tuple(f"{marks:07b}" for marks in range(128))
+"""The readings by that number."""
+
+CYCLES_DRAWN = 64
+"""Of no influence on the numbers."""
 
 
 class LineSensor(Sensor):
@@ -38,20 +50,28 @@ class LineSensor(Sensor):
     def __init__(self, world: World, robot: Robot, noise: NoiseRoot) -> None:
         super().__init__(world, robot, noise)
         self._right_probability = world.parameters.line_sensor_true_probability
-        self.reading = "0" * len(SIDEWAYS)
+        self._wrong: tuple[list[int], list[int]] = ([], [])
+        self.reading = TEXTS[0]
 
     def update(self, robot: Robot, scene: Scene) -> None:
         """Look at the seven points."""
         cosine, sine = math.cos(robot.heading), math.sin(robot.heading)
-        draw = self.noise[scene.running].uniform
-        elements = []
-        for side in SIDEWAYS:
-            x = robot.x + AHEAD * cosine - side * sine
-            y = robot.y + AHEAD * sine + side * cosine
-            inside = self.world.floor.is_marked(x, y)
-            right = draw() < self._right_probability
-            elements.append("1" if inside == right else "0")
-        self.reading = "".join(elements)
+        ahead_x, ahead_y = robot.x + AHEAD * cosine, robot.y + AHEAD * sine
+        marks = 0
+        floor = self.world.floor
+        if floor.is_near_mark(ahead_x, ahead_y):
+            for side in SIDEWAYS:
+                marks = 2 * marks + floor.is_marked(ahead_x - side * sine, ahead_y + side * cosine)
+        wrong = self._wrong[scene.running]
+        if not wrong:
+            wrong += self._draw_wrong(self.noise[scene.running])
+        self.reading = TEXTS[marks ^ wrong.pop()]
+
+    def _draw_wrong(self, noise: Stream) -> list[int]:
+        """Draw for many cycles which elements are wrong, the first cycle last."""
+        numbers = noise.uniforms(CYCLES_DRAWN * len(SIDEWAYS)).reshape(CYCLES_DRAWN, len(SIDEWAYS))
+        masks: list[int] = ((numbers >= self._right_probability) @ BITS).tolist()
+        return masks[::-1]
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
         """Report it: it is always there."""

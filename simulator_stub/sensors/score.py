@@ -23,6 +23,11 @@ class ScoreSensor(Sensor):
         self._present = world.parameters.score_sensor
         self._targets = len(world.lab.targets)
 
+    @property
+    def is_present(self) -> bool:
+        """Whether the parameters give the robot one."""
+        return self._present
+
     def update(self, robot: Robot, scene: Scene) -> None:
         """Nothing yet: scores are counted after the sensors."""
 

@@ -1,0 +1,30 @@
+"""Measures whose fields are still being set.
+
+The constructor of a frozen record takes longer than a robot needs for a whole cycle of thinking. Who makes a
+record in every cycle sets the fields of a draft of the same layout, and turns it into the record at the end.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ciberrato.protocol.messages import Measures
+
+
+class MeasuresDraft:
+    """The fields of `Measures`, not frozen yet: time, LEDs and buttons have to be set, the rest may be."""
+
+    __slots__ = Measures.__slots__
+
+    def __init__(self) -> None:
+        draft: Any = self
+        draft.collision = draft.compass = draft.ground = draft.gps = draft.line = draft.score = None
+        draft.infrared = (None, None, None, None)
+        draft.beacons = draft.messages = ()
+
+    def finish(self) -> Measures:
+        """Turn it into the record: the draft itself, which can be set no more."""
+        draft: Any = self
+        draft.__class__ = Measures
+        measures: Measures = draft
+        return measures

@@ -1,0 +1,126 @@
+"""Which faces a view cone can meet, nearest first, by the place and direction of its sensor.
+
+The plane is divided into squares of half a unit and the circle into sectors of 45 degrees. For each pair a
+list holds the nearest of the faces that a cone can meet whose sensor is in the square and looks into the
+sector, by a lower bound of their distance. Loops over one sensor at a time and tables for many use them.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Booleans = NDArray[np.bool_]
+
+SQUARES_PER_UNIT = 2
+SECTORS = 8
+SECTORS_PER_RADIAN = SECTORS / (2.0 * math.pi)
+
+Seen = tuple[float, float, float, float, float]
+"""A face: start x and y, edge x and y (from start to end), length."""
+
+_HALF_APERTURE = math.pi / 6
+_MARGIN = 1e-6
+"""Far above rounding errors, in units and in radians."""
+_LONGEST = 24
+"""Faces in a list; few sensors look as far as the last of them."""
+_MAX_SQUARES = 8192
+
+
+class ViewLists:
+    """Lists of faces by square and sector.
+
+    Parameters
+    ----------
+    start, end, edge, direction : array, shape (faces, 2)
+    length : array, shape (faces,)
+        As in `ciberrato.geometry.WallMap`.
+    """
+
+    def __init__(self, start: Floats, end: Floats, edge: Floats, length: Floats, direction: Floats) -> None:
+        self._start, self._end, self._length, self._direction = start, end, length, direction
+        columns = [array.tolist() for array in (*start.T, *edge.T, length)]
+        self.all_faces: list[Seen] = list(zip(*columns, strict=True))
+        self._squares: dict[tuple[int, int], list[tuple[list[float], list[Seen], float]]] = {}
+        low = np.arange(SECTORS) / SECTORS_PER_RADIAN - _HALF_APERTURE - _MARGIN
+        high = np.arange(1, SECTORS + 1) / SECTORS_PER_RADIAN + _HALF_APERTURE + _MARGIN
+        middle = (low + high) / 2.0
+        # The cones of a sector lie on one side of each of three lines: their edges, and one behind them.
+        self._across_x = np.stack((-np.sin(low), np.sin(high), np.cos(middle)))
+        self._across_y = np.stack((np.cos(low), -np.cos(high), np.sin(middle)))
+
+    def ahead(self, x: float, y: float, direction: float) -> tuple[list[float], list[Seen], float]:
+        """Give the nearest faces that a cone can meet.
+
+        Parameters
+        ----------
+        x, y : float
+            Place of the sensor, in units.
+        direction : float
+            Its axis in radians.
+
+        Returns
+        -------
+        bounds : list of float
+            Lower bound of each face's distance, ascending.
+        faces : list of Seen
+            In the same order.
+        reach : float
+            Bound of the nearest face that is not in the list; infinite if all are.
+        """
+        key = (math.floor(x * SQUARES_PER_UNIT), math.floor(y * SQUARES_PER_UNIT))
+        sectors = self._squares.get(key)
+        if sectors is None:
+            if len(self._squares) >= _MAX_SQUARES:
+                # Only who roams a very large lab comes here; the oldest squares are the ones left behind.
+                for old in list(islice(self._squares, _MAX_SQUARES // 4)):
+                    del self._squares[old]
+            sectors = self._squares[key] = self._list(*key)
+        return sectors[math.floor(direction * SECTORS_PER_RADIAN) % SECTORS]
+
+    def select(self, column: int, row: int) -> tuple[Indices, Floats, Booleans]:
+        """Find out what can be seen from one square.
+
+        Parameters
+        ----------
+        column, row : int
+            Its lower left corner in half units.
+
+        Returns
+        -------
+        faces : array of int, shape (faces,)
+            All faces, by ascending bound.
+        bounds : array, shape (faces,)
+            Lower bounds of their distances from any point in the square.
+        ahead : array of bool, shape (SECTORS, faces)
+            Whether a cone can meet them; sector s begins at s times 45 degrees, counter-clockwise.
+        """
+        size = 1.0 / SQUARES_PER_UNIT
+        centre = np.array([(column + 0.5) * size, (row + 0.5) * size])
+        start, end = self._start - centre, self._end - centre
+        along = -(start * self._direction).sum(axis=1)
+        along = np.minimum(np.maximum(along, 0.0), self._length)[:, np.newaxis]
+        nearest = start + along * self._direction
+        bounds = np.hypot(nearest[:, 0], nearest[:, 1]) - (size * math.sqrt(0.5) + _MARGIN)
+        order = np.argsort(bounds, kind="stable")
+        across_x, across_y = self._across_x[..., np.newaxis], self._across_y[..., np.newaxis]
+        limit = -size / 2.0 * (np.abs(across_x) + np.abs(across_y)) - _MARGIN
+        inside = across_x * start[order, 0] + across_y * start[order, 1] >= limit
+        inside |= across_x * end[order, 0] + across_y * end[order, 1] >= limit
+        return order, bounds[order], inside.all(axis=0)
+
+    def _list(self, column: int, row: int) -> list[tuple[list[float], list[Seen], float]]:
+        order, bounds, ahead = self.select(column, row)
+        lists = []
+        for sector in range(SECTORS):
+            chosen = np.flatnonzero(ahead[sector])
+            reach = float(bounds[chosen[_LONGEST]]) if chosen.size > _LONGEST else math.inf
+            chosen = chosen[:_LONGEST]
+            faces = [self.all_faces[face] for face in order[chosen].tolist()]
+            lists.append((bounds[chosen].tolist(), faces, reach))
+        return lists
