@@ -1,0 +1,172 @@
+"""A run over a link that delivers what the test has written down: crowds, rubbish, endings, full disks."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import agent.ground_truth
+import agent.session
+from agent.belieffile import read_beliefs
+from agent.cli import main
+from agent.runlog import RunWriter, read_run
+from ciberrato.errors import LabError
+from ciberrato.net import LinkClosedError, LinkError
+from ciberrato.parameters import Parameters
+from ciberrato.protocol import Acceptance, Actions, Measures, Refusal, decode_actions, encode
+
+PARAMETERS = Parameters(motors_noise=0.0)
+
+
+class ScriptedLink:
+    """Delivers the batches of a script, one a call; then the connection is gone."""
+
+    def __init__(self, script: list[list[bytes]]) -> None:
+        self.script = script
+        self.sent: list[Actions] = []
+        self.send_error: LinkError | None = None
+        self._readable, self._other = socket.socketpair()
+        self._other.send(b".")
+
+    def register(self, data: bytes) -> None: ...
+
+    def send(self, data: bytes) -> None:
+        self.sent.append(decode_actions(data))
+        if self.send_error is not None:
+            raise self.send_error
+
+    def receive(self, timeout: float | None) -> bytes | None: ...
+
+    def receive_waiting(self) -> list[bytes]:
+        if not self.script:
+            raise LinkClosedError("the simulator has closed the connection")
+        return self.script.pop(0)
+
+    def fileno(self) -> int:
+        return self._readable.fileno()
+
+    def close(self) -> None:
+        self._readable.close()
+        self._other.close()
+
+
+def measures(time: int, **values: object) -> bytes:
+    message = Measures(time=time, start=True, collision=False, compass=0.0, infrared=(0.6, 2.5, 2.5, 0.6))
+    return encode(replace(message, **values))  # type: ignore[arg-type]
+
+
+ACCEPTED = encode(Acceptance(parameters=PARAMETERS, n_beacons=1))
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Runner:
+    monkeypatch.chdir(tmp_path)
+    return Runner(monkeypatch)
+
+
+class Runner:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._monkeypatch = monkeypatch
+
+    def __call__(
+        self, *batches: list[bytes], options: tuple[str, ...] = (), error: LinkError | None = None
+    ) -> tuple[int, ScriptedLink]:
+        link = ScriptedLink([list(batch) for batch in batches])
+        link.send_error = error
+        self._monkeypatch.setattr(agent.session, "_open_link", lambda settings: link)
+        return main(["--silence", "5", *options]), link
+
+
+def test_of_a_crowd_the_newest_is_answered_and_all_are_logged(
+    run: Runner, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, link = run([ACCEPTED, measures(0)], [measures(1), measures(2), measures(3)], [measures(5)])
+    assert status == 0
+    cycles = read_run(Path("run.jsonl")).cycles
+    assert [(cycle.time, cycle.answered) for cycle in cycles] == [
+        (0, True),
+        (1, False),
+        (2, False),
+        (3, True),
+        (5, True),
+    ]
+    # One answer each to 0, 3 and 5, and motors 0 at the end, before and after the file is written.
+    assert [actions.left_motor for actions in link.sent] == [0.1, 0.1, 0.1, 0.0, 0.0]
+    assert cycles[-1].displacement == pytest.approx(0.1 * 5 - 0.1 * (1 - 0.5**5), abs=1e-6)
+    errors = capsys.readouterr().err
+    assert "1 cycles without Measures; 2 Measures not answered" in errors
+    assert "the simulator has closed the connection; finishing" in errors
+
+
+def test_rubbish_and_second_replies_are_passed_over(run: Runner, capsys: pytest.CaptureFixture[str]) -> None:
+    rubbish = b"<Measures Time="
+    status, _ = run(
+        [ACCEPTED, measures(0)], [ACCEPTED, rubbish, measures(1), encode(Refusal())], [rubbish], [measures(2)]
+    )
+    assert status == 0
+    assert [cycle.time for cycle in read_run(Path("run.jsonl")).cycles] == [0, 1, 2]
+    assert capsys.readouterr().err.count("a message is left out") == 1
+
+
+def test_answers_that_cannot_be_sent_are_reported_once(
+    run: Runner, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, link = run([ACCEPTED, measures(0)], [measures(1)], [measures(2)], error=LinkError("no route"))
+    assert status == 0
+    assert len(link.sent) == 5
+    assert capsys.readouterr().err.count("no route") == 1
+
+
+def test_gone_before_the_first_reading(run: Runner, capsys: pytest.CaptureFixture[str]) -> None:
+    status, _ = run([ACCEPTED])
+    assert status == 2
+    assert (
+        "closed the connection, before anything was recorded; nothing is written" in capsys.readouterr().err
+    )
+    assert not Path("localization.out").exists()
+
+
+def test_a_full_disk_stops_the_log_but_not_the_run(
+    run: Runner, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(writer: RunWriter, cycle: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(RunWriter, "write", full)
+    assert run([ACCEPTED, measures(0)], *([measures(time)] for time in range(1, 25)))[0] == 0
+    assert capsys.readouterr().err.count("run.jsonl: no longer written: No space left on device") == 1
+    (written,) = read_beliefs(Path("localization.out"))
+    assert len(written.beliefs) == 3
+
+
+def test_a_log_that_cannot_be_opened(run: Runner, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("gone").mkdir()
+    Path("gone/run.jsonl").symlink_to("nowhere/run.jsonl")
+    status, _ = run([ACCEPTED, measures(0)], options=("--log", "gone/run.jsonl"))
+    assert status == 2
+    assert "gone/run.jsonl: cannot be written: No such file" in capsys.readouterr().err
+
+
+def test_a_worker_that_fails_ends_the_run_and_the_log_stays(
+    run: Runner, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*arguments: object, **options: object) -> None:
+        raise LabError("this lab is broken", source="lab.xml")
+
+    monkeypatch.setattr(agent.ground_truth, "compute_ground_truth", fail)
+    status, _ = run([ACCEPTED, measures(0)], *([measures(time)] for time in range(1, 5)))
+    assert status == 2
+    errors = capsys.readouterr().err
+    assert "lab.xml: this lab is broken" in errors
+    assert "localization.out is not written; the log run.jsonl has the whole run" in errors
+    assert read_run(Path("run.jsonl")).steps
+    assert not Path("localization.out").exists()
+
+
+def test_quiet_is_quiet(run: Runner, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([ACCEPTED, measures(0)], [measures(1)], options=("--quiet",))[0] == 0
+    captured = capsys.readouterr()
+    assert captured.out == captured.err == ""
