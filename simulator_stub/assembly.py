@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import re
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from ciberrato.errors import UsageError
@@ -43,7 +44,7 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     Parameters
     ----------
     options : argparse.Namespace
-        As `simulator_stub.cli` parses them.
+        As `simulator_stub.options` parses them.
     print_line : callable
         Gets the seed and the ports, one line each.
     notify : callable
@@ -68,13 +69,16 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     transports = open_transports(
         [name for name in TRANSPORTS if name != "tcp" or options.tcp], options.bind, options.port
     )
-    try:
-        results = Results(seed=seed, scoring=options.scoring, path=options.result, notify=notify)
-        recorders = [*_recorders(options), results]
-    except UsageError:
+    with contextlib.ExitStack() as opened:
         for transport in transports:
-            transport.close()
-        raise
+            opened.callback(transport.close)
+        recorders: list[Recorder] = []
+        for recorder in _recorders(options):
+            opened.callback(recorder.close)
+            recorders.append(recorder)
+        results = Results(seed=seed, scoring=options.scoring, path=options.result, notify=notify)
+        recorders.append(results)
+        opened.pop_all()  # all went well
     session = Session(simulation, autostart=options.autostart, recorders=recorders, notify=notify)
     runs = Runs(session, results, seed=seed, count=options.runs or int(options.exit_at_end))
     print_line(f"seed {seed}")
@@ -115,20 +119,18 @@ def _parse_inline(text: str) -> StartGrid:
     return StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=degrees) for x, y, degrees in poses))
 
 
-def _recorders(options: argparse.Namespace) -> list[Recorder]:
-    recorders: list[Recorder] = []
+def _recorders(options: argparse.Namespace) -> Iterator[Recorder]:
     if options.kidnap:
         try:
-            recorders.append(Kidnapper([parse_kidnapping(text) for text in options.kidnap]))
+            yield Kidnapper([parse_kidnapping(text) for text in options.kidnap])
         except ValueError as error:
             raise UsageError(f"argument --kidnap: {error}") from None
     if options.truth is not None:
-        recorders.append(TruthFile(options.truth))
+        yield TruthFile(options.truth)
     if options.log is not None:
-        recorders.append(LogFile(options.log, time.ctime()))
+        yield LogFile(options.log, time.ctime())
     if SCORINGS[options.scoring].has_documents:
-        recorders.append(ReferenceFiles(options.scoring_files))
-    return recorders
+        yield ReferenceFiles(options.scoring_files)
 
 
 def _announce(transports: list[Transport], host: str, print_line: Print) -> None:

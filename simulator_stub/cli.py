@@ -1,28 +1,28 @@
-"""The command line of the simulator."""
+"""The command line of the simulator.
+
+This module is imported before all others, and imports next to nothing itself: a Ctrl-C is to end the program
+quietly from the first moment on.
+"""
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import math
+import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, NoReturn
 
-from ciberrato.errors import CiberratoError, UsageError
-
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from types import FrameType
+    from typing import NoReturn
+
     from simulator_stub.server import Server
 
 PROGRAM = "ciberrato-simulator"
-DEFAULT_ANSWER_LIMIT = 1.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the simulator until a signal ends it.
+    """Run the simulator until a signal ends it, or its last run is over.
 
     Parameters
     ----------
@@ -34,47 +34,53 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit status: 0, or 2 for what the user can put right.
     """
-    # From here on, until the server has its own handlers, both signals end the program quietly.
-    with contextlib.suppress(ValueError):  # not in the main thread: whoever runs us there stops us otherwise
-        signal.signal(signal.SIGTERM, _interrupt)
+    former = _take_signals()
+    try:
+        return _run(arguments)
+    finally:
+        for number, handler in former.items():
+            # As a program there is nothing left to do: a second signal must not disturb the going down.
+            signal.signal(number, signal.SIG_IGN if arguments is None else handler)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    from ciberrato.errors import CiberratoError
+    from simulator_stub.options import parse_arguments
+
     try:
         options = parse_arguments(arguments)
         # Only now, as these take a tenth of a second to import.
         from simulator_stub.assembly import build_server
 
         notify = _notifier(quiet=options.quiet)
-        server = build_server(options, print_line=_print_line, notify=notify)
-        return _serve(server, notify)
-    except KeyboardInterrupt:
-        return 0
+        return _serve(build_server(options, print_line=_print_line, notify=notify), notify)
     except CiberratoError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return 2
 
 
-def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """Parse a command line.
+def _take_signals() -> dict[int, Callable[[int, FrameType | None], object] | int | None]:
+    """Let both signals end the process at once, until the server has handlers of its own."""
+    try:
+        return {number: signal.signal(number, _leave) for number in (signal.SIGINT, signal.SIGTERM)}
+    except ValueError:  # not in the main thread: whoever runs us there stops us otherwise
+        return {}
 
-    Raises
-    ------
-    UsageError
-        If it cannot be understood.
-    """
-    return _parser().parse_args(arguments)
+
+def _leave(number: int, frame: FrameType | None) -> NoReturn:
+    # Nothing has happened that is worth writing down. An exception here could be lost, as it may be raised
+    # anywhere in an import.
+    os._exit(0)
 
 
 def _serve(server: Server, notify: Callable[[str], None]) -> int:
-    try:
-        with server.stopping_on_signals():
+    with server.stopping_on_signals():
+        try:
             server.run()
             notify(f"ended at time {server.simulation.time}; {server.pace.delays()}")
-    finally:
-        server.close()
+        finally:
+            server.close()
     return 0
-
-
-def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
 
 
 def _print_line(line: str) -> None:
@@ -84,136 +90,9 @@ def _print_line(line: str) -> None:
 def _notifier(*, quiet: bool) -> Callable[[str], None]:
     def notify(line: str) -> None:
         if not quiet:
-            with contextlib.suppress(OSError):  # whoever read our messages may be gone
+            try:
                 print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
+            except OSError:  # whoever read our messages may be gone
+                return
 
     return notify
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message} (see --help)")
-
-
-def _parser() -> argparse.ArgumentParser:
-    from ciberrato.net.address import DEFAULT_PORT  # brings in the whole codec
-
-    parser = _Parser(
-        prog=PROGRAM,
-        description="A CiberRato simulator without a window: the wire protocol of the real one, and a seed.",
-        allow_abbrev=False,
-    )
-    world = parser.add_argument_group("the world (each a file, or the name of one that ships)")
-    world.add_argument("--lab", metavar="FILE", help="lab; default: the real simulator's built-in one")
-    world.add_argument(
-        "--grid",
-        metavar="FILE",
-        help="start grid, or the poses themselves: X,Y,DIR[;X,Y,DIR...] in units, degrees; default: 9,3,0",
-    )
-    world.add_argument("--param", metavar="FILE", help="parameters; default: the real simulator's")
-    world.add_argument("--scoring", type=int, default=0, metavar="N", help="scoring mode; default: 0")
-    for name, what in (("gps", "a GPS"), ("beacon", "beacon sensors"), ("compass", "a compass")):
-        world.add_argument(
-            f"--{name}", action="store_true", help=f"give robots {what}, whatever the parameters say"
-        )
-    world.add_argument(
-        "--showactions", action="store_true", help="accepted for the real simulator's sake; always announced"
-    )
-    world.add_argument("--seed", type=_seed, metavar="N", help="of all random numbers; default: a fresh one")
-    world.add_argument(
-        "--kidnap",
-        action="append",
-        metavar="CYCLE:X,Y,DIR",
-        help="put the first robot there before that cycle; may be given again",
-    )
-    network = parser.add_argument_group("the network")
-    network.add_argument(
-        "--port", type=_port, default=DEFAULT_PORT, metavar="N", help="default: 6000; 0 takes any free one"
-    )
-    network.add_argument(
-        "--bind", default="0.0.0.0", metavar="ADDRESS", help="listen only there; default: everywhere"
-    )
-    network.add_argument(
-        "--tcp", action=argparse.BooleanOptionalAction, default=True, help="listen on TCP, too"
-    )
-    pace = parser.add_argument_group("the pace")
-    pace.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="X times real time; default: 1")
-    pace.add_argument(
-        "--lockstep", action="store_true", help="while running, a cycle as soon as every robot has answered"
-    )
-    pace.add_argument(
-        "--answer-limit",
-        type=_seconds,
-        default=DEFAULT_ANSWER_LIMIT,
-        metavar="SECONDS",
-        help="how long --lockstep waits for a silent robot; default: 1, inf: for ever",
-    )
-    pace.add_argument(
-        "--autostart", type=_count, default=0, metavar="N", help="start as soon as N robots are registered"
-    )
-    pace.add_argument(
-        "--runs",
-        type=_runs,
-        metavar="N",
-        help="N runs one after the other, seeds counted up, robots registering anew; then exit",
-    )
-    pace.add_argument(
-        "--exit-at-end", action="store_true", help="exit when the run is over, not on a signal only"
-    )
-    output = parser.add_argument_group("output")
-    output.add_argument("--log", type=Path, metavar="FILE", help="write the real simulator's XML log there")
-    output.add_argument("--truth", type=Path, metavar="FILE", help="write the true poses there, as CSV")
-    output.add_argument("--result", type=Path, metavar="FILE", help="write scores and states there, as JSON")
-    output.add_argument(
-        "--scoring-files",
-        type=Path,
-        default=Path(),
-        metavar="DIR",
-        help="where scoring modes 2, 3, 5 and 6 write mapping.out or planning.out; default: here",
-    )
-    output.add_argument("--quiet", action="store_true", help="no messages but errors, seed and ports")
-    return parser
-
-
-def _number(text: str, what: str, *, least: float, most: float) -> int:
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if not least <= value <= most:
-        raise argparse.ArgumentTypeError(f"{text!r} is not {what}")
-    return value
-
-
-def _port(text: str) -> int:
-    return _number(text, "a port number from 0 to 65535", least=0, most=65535)
-
-
-def _count(text: str) -> int:
-    return _number(text, "a number of robots, 0 or more", least=0, most=math.inf)
-
-
-def _runs(text: str) -> int:
-    return _number(text, "a number of runs, 1 or more", least=1, most=math.inf)
-
-
-def _seed(text: str) -> int:
-    return _number(text, "a whole number, 0 or more", least=0, most=math.inf)
-
-
-def _real(text: str, what: str, *, allow_infinite: bool) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not value > 0.0 or (math.isinf(value) and not allow_infinite):
-        raise argparse.ArgumentTypeError(f"{text!r} is not {what}")
-    return value
-
-
-def _speed(text: str) -> float:
-    return _real(text, "a speed greater than 0", allow_infinite=False)
-
-
-def _seconds(text: str) -> float:
-    return _real(text, "a number of seconds greater than 0", allow_infinite=True)

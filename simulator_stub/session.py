@@ -83,6 +83,7 @@ class Session:
         self.views: list[ViewSeat] = []
         self._autostart = autostart
         self._autostarted = False
+        self._closed = False
         self._notify = notify
         self._registrations: deque[tuple[Newcomer, bytes]] = deque()
         self._reply = encode(fit_reply(simulation.acceptance()))
@@ -253,7 +254,10 @@ class Session:
                 seat.silent = False
 
     def close(self) -> None:
-        """Finish all records."""
+        """Finish all records; closing twice does no harm."""
+        if self._closed:
+            return
+        self._closed = True
         self._end_world()
         for recorder in self.recorders:
             recorder.close()

@@ -8,6 +8,8 @@ from simulator_stub.records import WorldFile
 from simulator_stub.simulator_state import SimulatorState
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from simulator_stub.simulation import Simulation
 
 HEADER = "time,robot,x,y,dir_deg,state"
@@ -30,8 +32,11 @@ class TruthFile(WorldFile):
         If it cannot be written.
     """
 
-    def _open(self) -> TextIO:
+    def __init__(self, path: Path) -> None:
         self._known: set[int] = set()
+        super().__init__(path)
+
+    def _open(self) -> TextIO:
         file = super()._open()
         file.write(HEADER + "\n")
         file.flush()

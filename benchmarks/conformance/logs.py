@@ -1,7 +1,7 @@
 """Logs of the real simulator, made again: the recorded actions in the same world give the same log.
 
-Where nothing is noisy the whole document is compared byte by byte, but for its date. Where there is noise, what
-depends on it is left out: poses, scores, and what sensors read.
+Where nothing is noisy the whole document is compared byte by byte, but for its date. Where there is noise,
+what depends on it is left out: poses, scores, and what sensors read.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import gzip
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 
 from benchmarks.conformance.row import Row
@@ -59,11 +60,12 @@ def _row(folder: Path) -> Row:
     if parameters.line_sensor_true_probability < 1.0:
         theirs, ours = _LINE.sub("", theirs), _LINE.sub("", ours)
     cases = theirs.count("<LogInfo ")
-    note = f"records; {len(ours):,} characters equal" + (", poses and readings left out: noise" if noisy else "")
+    note = f"records; {len(ours):,} characters equal"
+    if noisy:
+        note += ", poses and readings left out: noise"
     if ours != theirs:
-        pairs = zip(theirs.splitlines(), ours.splitlines(), strict=False)
-        ends = ("the end", "the end")
-        line, (one, other) = next(((n, pair) for n, pair in enumerate(pairs, 1) if pair[0] != pair[1]), (0, ends))
+        pairs = enumerate(zip_longest(theirs.split("\n"), ours.split("\n"), fillvalue="nothing"), 1)
+        line, one, other = next((line, *pair) for line, pair in pairs if pair[0] != pair[1])
         note = f"line {line} is {one.strip()!r}, ours {other.strip()!r}"
     return Row(f"log {folder.name}", cases, None, ours == theirs, note)
 

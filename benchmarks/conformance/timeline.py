@@ -21,7 +21,7 @@ from pathlib import Path
 
 from ciberrato.errors import ProtocolError
 from ciberrato.protocol import decode_registration
-from simulator_stub.cli import parse_arguments
+from simulator_stub.options import parse_arguments
 
 _ARGUMENTS = re.compile(r"simulator arguments[^:]*: (.*)")
 

@@ -19,7 +19,7 @@ from benchmarks.conformance.timeline import Timeline, read_timeline
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Refusal, Registration, RobotRegistration, decode_registration, encode
 from simulator_stub.assembly import read_world
-from simulator_stub.cli import parse_arguments
+from simulator_stub.options import parse_arguments
 from simulator_stub.session import NAME_LIMIT, Session
 from simulator_stub.simulation import Simulation
 from simulator_stub.transports import Newcomer, Peer

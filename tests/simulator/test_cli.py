@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -12,12 +13,14 @@ import pytest
 
 from ciberrato.gridfile import default_grid, read_grid
 from ciberrato.labfile import default_lab, read_lab
-from ciberrato.net import UdpLink
+from ciberrato.net import TcpLink, UdpLink
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, RobotRegistration, encode
+from ciberrato.simlog import read_simulator_log
 from maps import find_grid, find_lab
 from simulator_stub.assembly import read_world
-from simulator_stub.cli import main, parse_arguments
+from simulator_stub.cli import main
+from simulator_stub.options import parse_arguments
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -73,6 +76,10 @@ def test_what_the_parameter_file_names_is_read_unless_the_command_line_says_othe
         ["--grid", "1,2"],
         ["--param", "/"],
         ["--truth", "/no/such/folder/truth.csv"],
+        ["--log", "/no/such/folder/run.log"],
+        ["--result", "/no/such/folder/result.json"],
+        ["--truth", "/dev/null", "--log", "/"],
+        ["--runs", "0"],
         ["--bind", "192.0.2.1"],
         ["--bind", "no such host"],
     ],
@@ -171,6 +178,61 @@ def test_signals_end_it_cleanly_in_the_middle_of_a_run(
     assert "'santos'" in err
     assert truth.read_text().splitlines() == lines
     assert {len(line.split(",")) for line in lines} == {6}
+
+
+def test_runs_follow_one_another_and_the_process_ends(processes: list[Process], tmp_path: Path) -> None:
+    parameters = tmp_path / "short.xml"
+    parameters.write_text('<Parameters SimTime="20" CycleTime="1"/>')
+    names = {name: tmp_path / f"run.{name}" for name in ("log", "truth", "result")}
+    files = [text for name, path in names.items() for text in (f"--{name}", str(path))]
+    options = ["--param", str(parameters), "--lockstep", "--autostart", "1", "--seed", "5", "--gps"]
+    simulator = Process(*options, "--runs", "2", *files)
+    processes.append(simulator)
+    port = int(simulator.lines(3)[1].rsplit(":", 1)[1])
+    for _ in range(2):
+        with TcpLink("127.0.0.1", port) as link:
+            link.register(encode(RobotRegistration(name="santos")))
+            assert b'GPS="On"' in (link.receive(10.0) or b"")
+            last = b""
+            while b'Start="Off" Stop="Off"' not in last:
+                last = link.receive(10.0) or b""
+                assert last
+                link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
+    out, err = simulator.process.communicate(timeout=10)
+    assert (simulator.process.returncode, out) == (0, "")
+    assert "Traceback" not in err
+    assert "robot 1, 'santos': running, score 200" in err
+    runs = json.loads(names["result"].read_text())["runs"]
+    assert [(run["seed"], run["time"], run["state"]) for run in runs] == [
+        (5, 20, "Finished"),
+        (6, 20, "Finished"),
+    ]
+    for name in ("log", "truth"):
+        first, second = names[name], tmp_path / f"run-2.{name}"
+        if name == "log":
+            logs = [read_simulator_log(path) for path in (first, second)]
+            assert [(log.complete, len(log.records)) for log in logs] == [(True, 21)] * 2
+            assert logs[0].records != logs[1].records
+            for log, run in zip(logs, runs, strict=True):
+                assert log.records[-1].robots[0].x == pytest.approx(run["robots"][0]["x"], rel=1e-5)
+        else:
+            assert [len(path.read_text().splitlines()) for path in (first, second)] == [22, 22]
+
+
+def test_it_can_end_by_itself_when_the_robots_have_gone(processes: list[Process], tmp_path: Path) -> None:
+    result = tmp_path / "result.json"
+    simulator = Process("--exit-at-end", "--autostart", "1", "--lockstep", "--result", str(result), "--quiet")
+    processes.append(simulator)
+    port = int(simulator.lines(3)[1].rsplit(":", 1)[1])
+    with TcpLink("127.0.0.1", port) as link:
+        link.register(encode(RobotRegistration(name="leaver")))
+        while b'Time="5"' not in (link.receive(10.0) or b""):
+            link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
+    out, err = simulator.process.communicate(timeout=10)
+    assert (simulator.process.returncode, out, err) == (0, "", "")
+    (run,) = json.loads(result.read_text())["runs"]
+    assert (run["state"], run["robots"][0]["name"]) == ("Running", "leaver")
+    assert run["time"] >= 5
 
 
 def test_signals_at_any_moment_of_the_start_end_it_quietly(processes: list[Process]) -> None:

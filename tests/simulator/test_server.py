@@ -27,7 +27,7 @@ from ciberrato.protocol import (
     encode,
 )
 from simulator_stub.assembly import build_server
-from simulator_stub.cli import parse_arguments
+from simulator_stub.options import parse_arguments
 from simulator_stub.server import Server
 
 LINKS: dict[str, Callable[[str, int], Any]] = {"udp": UdpLink, "tcp": TcpLink}
