@@ -6,7 +6,7 @@ GOLDEN ?= ../shared/golden
 LABS   ?= ../shared/labs
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo examples test quick lint conformance accuracy bench clean
+.PHONY: help setup demo examples test quick lint conformance accuracy bench figures clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -44,6 +44,9 @@ examples: $(VENV)/.stamp  ## the classic localization problems, with figures in 
 
 bench: $(VENV)/.stamp  ## speed, as ratios to plain references; writes build/bench.json
 	$(BIN)/python -m benchmarks
+
+figures: $(VENV)/.stamp  ## the pictures of the manual, into docs/figures (the screenshots need Chromium)
+	$(BIN)/python -m examples.viewer_figures docs/figures
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) build dist demo .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -209,13 +209,16 @@ class Server:
     def _read_link(self) -> None:
         assert self._link is not None
         now = asyncio.get_running_loop().time()
+        revision = self.session.revision
         try:
             for data in self._link.receive_waiting():
                 self._send(self.session.receive(data, now))
         except LinkClosedError as error:
             asyncio.get_running_loop().remove_reader(self._link.fileno())
             self.session.lost(str(error), now)
-        self._dirty.set()
+        # Half a cycle is no news: browsers would get the frame one interval late.
+        if self.session.revision != revision:
+            self._dirty.set()
 
     def _send(self, outgoing: list[Outgoing]) -> None:
         if self._link is None:

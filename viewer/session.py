@@ -192,6 +192,11 @@ class Session:
         """Say everything that a browser needs that has just come."""
         return self._changes({})
 
+    @property
+    def revision(self) -> int:
+        """Counts the frames; it changes when there is something new to show of the robots."""
+        return self._frames_received
+
     def _world_key(self) -> object:
         world = self.world
         return (self.timeline.epoch, world.lab, world.grid, world.parameters)

@@ -311,7 +311,7 @@ function updateLabels(list) {
   const tags = state.layers.names ? list.filter((robot) => robot.x !== null && robot.state !== "Removed").map((robot) => place({
     text: state.names.get(robot.id) || `robot ${robot.id}`, className: "tag", at: [robot.x, robot.y], shift: [0, 0.5 * camera.k + 15],
   })) : [];
-  const texts = state.texts.map(({ text, color, at, lift }) => place({ text, color, className: "shape-text", at, shift: [0, -lift] }));
+  const texts = (state.live ? state.texts : []).map(({ text, color, at, lift }) => place({ text, color, className: "shape-text", at, shift: [0, -lift] }));
   labels.update([...(camera.k > 13 ? modeLabels : []).map(place), ...tags, ...texts]);
 }
 
@@ -351,6 +351,8 @@ function paintFrame(now) {
     modeLabels = drawModes(belief);
   }
   updateLabels(list);
+  // Shapes say what is now: they are not kept.
+  shapeGroup.style.display = state.live ? "" : "none";
   if (dirty.paint || !state.live) {
     paint.draw(camera, { lab: state.lab, belief, trails: trails(frame) });
     dirty.paint = false;
@@ -393,8 +395,7 @@ function updatePanels(frame) {
   const known = state.beliefs.get(state.source);
   if (known) {
     const current = state.live ? known.belief : state.past?.source === state.source ? state.past.belief : null;
-    const robot = frame.robots.find(({ id }) => id === known.robot);
-    beliefPanel.update(current, known.series, [store.first, Math.max(store.last, 1)], time, robot && current ? cellOf(robot, current) : null);
+    beliefPanel.update(current, known.series, [store.first, Math.max(store.last, 1)], time);
   }
   $("follow").setAttribute("aria-pressed", String(state.follow));
   $("live").setAttribute("aria-pressed", String(state.live));

@@ -2,7 +2,6 @@
 
 import { drawCurve } from "./chart.js";
 import { look } from "./infrared.js";
-import { probability } from "./paint.js";
 import { html, robotColor, say, svg } from "./svg.js";
 
 const EVENT_TEXT = {
@@ -154,14 +153,16 @@ export class BeliefPanel {
     this.setNow = () => {};
   }
 
-  update(belief, series, span, time, truePlace) {
+  update(belief, series, span, time) {
     const { entropy, best, truth, modes, curve } = this.parts;
     if (belief) {
       say(entropy, belief.entropy.toFixed(2));
       const [first] = belief.modes;
       say(best, first ? `${(100 * first[2]).toFixed(0)} %` : "–");
       best.title = first ? `column ${first[1]}, row ${first[0]}, from 0,0 at the lower left` : "";
-      say(truth, truePlace ? `${(100 * probability(belief, truePlace[0], truePlace[1])).toFixed(0)} %` : "–");
+      // Of the cell in which the robot was when it believed so: now it may have left it.
+      const share = series.find(([when]) => when === belief.time)?.[3] ?? null;
+      say(truth, share === null ? "–" : `${(100 * share).toFixed(0)} %`);
       const wanted = belief.modes.map(([row, column, , mass]) => `${column}, ${row}: ${(100 * mass).toFixed(0)} %`).join("|");
       if (modes.dataset.shown !== wanted) {
         modes.dataset.shown = wanted;
