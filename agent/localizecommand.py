@@ -47,9 +47,7 @@ def localize(words: Sequence[str], interrupts: Interrupts) -> int:
         check_animation(options.animate)
     run, lab = _read(options)
     if not run.steps:
-        raise UsageError(
-            f"{options.run}: no step was recorded: the robot never stood looking to the right"
-        )
+        raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
     from agent.ground_truth import compute_ground_truth
     from agent.localization import print_localization, write_localization
 

@@ -111,6 +111,10 @@ class Cycle:
         What the agent was doing; see `agent.phases`.
     step : int or None
         Number of the step that was recorded at this message: 0 = start cell, k = k-th cell entered.
+    estimate : (float, float, float, float) or None
+        Of the live pose filter: x, y in units, heading in degrees, and the probability of that pose.
+    entropy : float or None
+        Of the live filter's belief, in bits.
     readings : tuple of four (float or None), or None
         The readings of that step. They are those in `infrared` unless the simulator sends sensors on request
         only; then each is the newest there is.
@@ -133,6 +137,8 @@ class Cycle:
     phase: str = ""
     step: int | None = None
     readings: Readings | None = None
+    estimate: tuple[float, float, float, float] | None = None
+    entropy: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -154,7 +154,6 @@ class Session:
         """Answer Measures until something ends the run; return what."""
         import hashlib
 
-        from agent.controller import Controller
         from agent.runlog import RunHeader, RunWriter
 
         settings, parameters = self._settings, answer.acceptance.parameters
@@ -179,7 +178,7 @@ class Session:
             writer = RunWriter(settings.log, self._header)
         except OSError as error:
             raise UsageError(f"{settings.log}: cannot be written: {error.strerror}") from None
-        controller = Controller(self._header, exit_at_wall=settings.exit_at_wall)
+        controller = self._make_controller()
         with writer:
             reason = self._answer_measures(link, controller, writer, list(answer.following))
         if controller.lost or controller.unanswered:
@@ -188,6 +187,12 @@ class Session:
                 "answered, as newer ones were waiting"
             )
         return reason
+
+    def _make_controller(self) -> Controller:
+        from agent.controller import Controller
+
+        assert self._header is not None
+        return Controller(self._header, exit_at_wall=self._settings.exit_at_wall)
 
     def _answer_measures(
         self, link: Link, controller: Controller, writer: RunWriter, waiting: list[bytes]

@@ -94,6 +94,7 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
                 cycles=options.cycles,
                 resolution=_resolution(lab, options.resolution),
                 kidnap=options.kidnap,
+                settle=options.settle,
             )
         )
     return tasks
@@ -152,6 +153,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--seeds", type=int, default=10, metavar="N", help="runs of each kind; default: 10")
     add("--first-seed", type=int, default=0, metavar="N")
     add("--cycles", type=int, default=800, metavar="N", help="default: 800")
+    add("--settle", type=int, default=0, metavar="N", help="end a run N cycles after its first right claim")
     add("--resolution", type=float, metavar="UNITS", help="default: 0.1, coarser in large labs")
     add("--kidnap", type=int, default=0, metavar="CYCLE", help="put the robot elsewhere before that cycle")
     add("--output", type=Path, default=Path("evaluation.jsonl"), metavar="FILE", help="outcomes, added to")

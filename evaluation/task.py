@@ -37,6 +37,10 @@ class Task:
         Units between the lattice's nodes.
     kidnap : int
         Cycle before which the robot is moved to another free pose; 0 = never.
+    staged : bool
+        Whether the filter begins on a coarse lattice, as the agent's does.
+    settle : int
+        Cycles for which a run goes on after the first right claim; 0 = to its end.
     """
 
     lab: str
@@ -50,6 +54,8 @@ class Task:
     cycles: int = 800
     resolution: float = 0.1
     kidnap: int = 0
+    staged: bool = True
+    settle: int = 0
 
     @property
     def key(self) -> str:
@@ -100,7 +106,8 @@ class Outcome:
         For ten equal ranges of probability: cycles in which the estimate had it, and those in which it
         was right.
     filter_ms : list of float
-        Median, 99 % quantile and maximum of the time that the filter took in a cycle, in milliseconds.
+        Of processor time: median, 99 % quantile and maximum of the time that the filter took in a cycle,
+        in milliseconds.
     drive_ms : list of float
         The same for the drive.
     given_up : float

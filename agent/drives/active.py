@@ -133,7 +133,7 @@ class ActiveDrive:
         return best
 
     def _imagine(self, pose_filter: PoseFilter, poses: PoseSample, turn: float, length: float) -> Floats:
-        """Give the expected readings along a leg, in units of their spread; shape (poses, looks * sensors)."""
+        """Give the readings expected along a leg, by their spread; shape (poses, looks * sensors)."""
         tables = pose_filter.tables
         lattice = tables.lattice
         heading = poses.heading + turn

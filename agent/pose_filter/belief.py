@@ -40,9 +40,13 @@ class PoseBelief:
         Number of heading bins.
     prune : float
         Weight, in all, of the states that may be given up at once.
+    uniform : bool
+        Whether to begin with every free pose; otherwise with none, to be set.
     """
 
-    def __init__(self, lattice: Lattice, bins: int = 72, *, prune: float = 1e-5) -> None:
+    def __init__(
+        self, lattice: Lattice, bins: int = 72, *, prune: float = 1e-5, uniform: bool = True
+    ) -> None:
         self.lattice = lattice
         self.bins = bins
         self.bin_width = 2.0 * math.pi / bins
@@ -53,13 +57,14 @@ class PoseBelief:
         """Units; a state of bin k is at its square's node plus row k."""
         self.given_up = 0.0
         """Weight of the states given up so far, before each normalization."""
-        self._moves = _move_table(lattice)
+        self._moves = lattice.move_table(_REACH)
         self._spare: Weights | None = None
         self.dense: Weights | None = None
         self.bin: Indices = np.zeros(0, np.int64)
         self.square: Indices = np.zeros(0, np.int64)
         self.weight: Weights = np.zeros(0, np.float32)
-        self.set_uniform()
+        if uniform:
+            self.set_uniform()
 
     # --- what it is ---------------------------------------------------------------------------------
 
@@ -88,6 +93,24 @@ class PoseBelief:
         self.dense = self._spare = None
         self.bin, self.square = bins.copy(), squares.copy()
         self.weight = np.full(len(bins), 1.0 / max(len(bins), 1), np.float32)
+
+    def set_weighted(
+        self, bins: Indices, squares: Indices, weights: Floats, *, heading_offset: float
+    ) -> None:
+        """Take the given states for possible, with weights; equal states add up, squares not free are lost.
+
+        Parameters
+        ----------
+        bins, squares : array of int
+        weights : array
+        heading_offset : float
+            Radians.
+        """
+        self.heading_offset = heading_offset
+        self.offset[:] = 0.0
+        self.dense = self._spare = None
+        self._merge([(bins, squares, weights.astype(np.float32))])
+        self.normalize()
 
     def listed(self) -> tuple[Indices, Indices, Floats]:
         """List the states: bins, squares and weights; everything with weight if the belief is dense."""
@@ -288,9 +311,3 @@ def _code(dx: Indices | int, dy: Indices | int) -> Indices:
 
 _STAY = int(_code(0, 0))
 _OPPOSITE = 2 * _STAY
-
-
-def _move_table(lattice: Lattice) -> NDArray[np.int64]:
-    """Where each square's states go for each shift, by code; shape (codes, squares)."""
-    steps = range(-_REACH, _REACH + 1)
-    return np.stack([lattice.neighbours(dx, dy) for dy in steps for dx in steps])

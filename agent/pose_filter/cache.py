@@ -70,7 +70,7 @@ def cached_tables(
     -------
     PoseTables
     """
-    path = (folder or cache_folder()) / f"pose-tables-{table_key(lab, angles, resolution, steps)}.npz"
+    path = _path(lab, angles, resolution, steps, folder)
     tables = read_tables(path)
     if tables is None:
         tables = build_tables(lab, angles, resolution, steps=steps, progress=progress)
@@ -79,6 +79,17 @@ def cached_tables(
     if progress is not None:
         progress(1.0)
     return tables
+
+
+def is_cached(
+    lab: Lab, angles: Sequence[float], resolution: float, *, steps: int = 2, folder: Path | None = None
+) -> bool:
+    """Whether `cached_tables` would find the tables on disk."""
+    return _path(lab, angles, resolution, steps, folder).exists()
+
+
+def _path(lab: Lab, angles: Sequence[float], resolution: float, steps: int, folder: Path | None) -> Path:
+    return (folder or cache_folder()) / f"pose-tables-{table_key(lab, angles, resolution, steps)}.npz"
 
 
 def write_tables(path: Path, tables: PoseTables) -> None:

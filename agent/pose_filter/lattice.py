@@ -66,6 +66,7 @@ class Lattice:
     index: Indices
     _shifts: dict[tuple[int, int], Indices] = field(default_factory=dict)
     _padded: list[Floats] = field(default_factory=list)
+    _moves: dict[int, Indices] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -78,6 +79,24 @@ class Lattice:
         if not self._padded:
             self._padded.append(np.append(self.clearance, 0.0))
         return self._padded[0]
+
+    def move_table(self, reach: int) -> Indices:
+        """Give `neighbours` for all shifts within a reach, row by row from the lower left.
+
+        Parameters
+        ----------
+        reach : int
+            In nodes.
+
+        Returns
+        -------
+        array of int, shape ((2 * reach + 1)**2, squares)
+        """
+        known = self._moves.get(reach)
+        if known is None:
+            steps = range(-reach, reach + 1)
+            known = self._moves[reach] = np.stack([self.neighbours(dx, dy) for dy in steps for dx in steps])
+        return known
 
     def neighbours(self, dx: int, dy: int) -> Indices:
         """Say which square lies so many nodes to the right of and above each; `size` if it is not free.

@@ -23,7 +23,14 @@ from numpy.typing import NDArray
 
 from agent.pose_filter.belief import PoseBelief
 from agent.pose_filter.estimate import PoseEstimate, estimate
-from agent.pose_filter.reading_codes import CODES, ReadingCodes
+from agent.pose_filter.evidence import (
+    Factor,
+    GroundSensor,
+    compass_log_likelihood,
+    multiply,
+    weigh_collision,
+)
+from agent.pose_filter.reading_codes import ReadingCodes
 from agent.pose_filter.tables import BINS, PoseTables
 from ciberrato.kinematics import ROBOT_RADIUS, advance, clamp_power, filter_power, wrap_angle
 from ciberrato.lab import Lab
@@ -65,7 +72,7 @@ class FilterSettings:
         Evidence for the belief that a cycle must bring, so as not to count against it.
     """
 
-    exponent: float = 0.5
+    exponent: float = 0.4
     least_exponent: float = 0.02
     place_spread: float = 1.5
     turn_spread: float = 0.6
@@ -86,6 +93,25 @@ class _Tick(NamedTuple):
     compass: float | None
     collision: bool | None
     ground: int | None
+
+
+class Motion(NamedTuple):
+    """What the wheels did in a cycle, in units, and whether a wall was in the way (None: not known)."""
+
+    left: float
+    right: float
+    collision: bool | None
+
+
+class FilterStep(NamedTuple):
+    """What the filter made of a message: the motions before it, what was sensed, and how far to trust it."""
+
+    motions: tuple[Motion, ...]
+    infrared: tuple[float | None, ...]
+    compass: float | None
+    ground: int | None
+    exponent: float
+    time: int
 
 
 class PoseFilter:
@@ -116,19 +142,9 @@ class PoseFilter:
         self.tables = tables
         self.parameters = parameters
         self.settings = settings or FilterSettings()
-        self.belief = PoseBelief(tables.lattice, BINS, prune=self.settings.prune)
+        self._prepare()
         if start == "centres":
             self._start_at_centres()
-        resolution = tables.lattice.resolution
-        self._codes = ReadingCodes(
-            noise=parameters.obstacle_noise,
-            place=self.settings.place_spread * resolution,
-            turn=self.settings.turn_spread * self.belief.bin_width,
-            outlier=self.settings.outlier,
-        )
-        self._code_shares = [
-            np.bincount(table.ravel(), minlength=CODES) / table.size for table in tables.codes
-        ]
         self._lag = max(parameters.obstacle_latency, parameters.compass_latency)
         self._ticks: deque[_Tick] = deque(maxlen=self._lag + 1)
         self._messages = 0
@@ -139,12 +155,24 @@ class PoseFilter:
         self._since_diffusion = 0
         self._rested = 0
         self._estimate: PoseEstimate | None = None
-        self._buffer: NDArray[np.float32] | None = None
-        self._ground = _ground_table(lab, tables)
+        self.last_step: FilterStep | None = None
+        """The step taken in last."""
         self.alarm_level = 0.0
         """Evidence gathered that the robot is not where the belief is."""
         self.restarts: list[int] = []
         """Times at which the filter found that the robot must be elsewhere and started anew."""
+
+    def _prepare(self, *, uniform: bool = True) -> None:
+        """Make what depends on the tables."""
+        self.belief = PoseBelief(self.tables.lattice, BINS, prune=self.settings.prune, uniform=uniform)
+        resolution = self.tables.lattice.resolution
+        self._codes = ReadingCodes(
+            noise=self.parameters.obstacle_noise,
+            place=self.settings.place_spread * resolution,
+            turn=self.settings.turn_spread * self.belief.bin_width,
+            outlier=self.settings.outlier,
+        )
+        self._ground = GroundSensor(self.lab, self.belief)
 
     def _start_at_centres(self) -> None:
         lattice = self.tables.lattice
@@ -157,6 +185,11 @@ class PoseFilter:
         self.belief.set_states(np.repeat(quarters, len(at_centre)), np.tile(at_centre, 4))
 
     # --- what is known --------------------------------------------------------------------------------
+
+    @property
+    def wheels(self) -> Command:
+        """What the wheels gave in the last cycle taken in, as far as the commands say."""
+        return self._wheels
 
     def estimate(self) -> PoseEstimate:
         """Give the pose at the last message, with its probability."""
@@ -212,21 +245,27 @@ class PoseFilter:
         self._estimate = None
 
     def _process(self, time: int) -> None:
-        oldest, newest = self._ticks[0], self._ticks
-        moved = turned = 0.0
+        oldest, ticks = self._ticks[0], self._ticks
+        motions = []
         for number, command in enumerate(oldest.commands):
-            collision = oldest.collision if number == len(oldest.commands) - 1 else False
-            way, angle = self._move(command, collision)
-            moved += abs(way)
-            turned += abs(angle)
-        self._diffuse_if_due()
-        infrared = newest[min(self.parameters.obstacle_latency, len(newest) - 1)].infrared
-        compass = newest[min(self.parameters.compass_latency, len(newest) - 1)].compass
-        exponent = self._exponent(moved, turned)
-        if exponent > 0.0:
-            self._take_readings(infrared, compass, exponent, time)
-        if oldest.ground is not None and (moved > 0.0 or self._messages < 3):
-            self._take_ground(oldest.ground)
+            # Of cycles whose messages never came nobody knows whether a wall was in the way.
+            collision = oldest.collision if number == len(oldest.commands) - 1 else None
+            self._wheels = left, right = _filtered(command, self._wheels)
+            if left != 0.0 or right != 0.0:
+                motions.append(Motion(left, right, collision))
+        moved = sum(abs(motion.left + motion.right) / 2.0 for motion in motions)
+        turned = sum(abs(motion.right - motion.left) for motion in motions)
+        self.last_step = FilterStep(
+            motions=tuple(motions),
+            infrared=ticks[min(self.parameters.obstacle_latency, len(ticks) - 1)].infrared,
+            compass=ticks[min(self.parameters.compass_latency, len(ticks) - 1)].compass,
+            ground=oldest.ground if moved > 0.0 or self._messages < 3 else None,
+            exponent=self._exponent(moved, turned),
+            time=time,
+        )
+        for motion in motions:
+            self.predict(motion)
+        self.update(self.last_step)
 
     def _exponent(self, moved: float, turned: float) -> float:
         settings = self.settings
@@ -237,18 +276,27 @@ class PoseFilter:
         self._rested = 0 if progress > 0.1 else self._rested
         return settings.exponent * min(max(progress, settings.least_exponent), 1.0)
 
-    def _move(self, command: Command, collision: bool | None) -> Command:
-        """Move the belief by one cycle; return the way and the angle."""
-        self._wheels = left, right = _filtered(command, self._wheels)
+    def predict(self, motion: Motion, *, backwards: bool = False) -> None:
+        """Move the belief by one cycle.
+
+        Parameters
+        ----------
+        motion : Motion
+        backwards : bool
+            Whether to undo the motion: to say where the robot was before it, not where it is after it.
+        """
+        left, right, collision = motion
         way, angle = (left + right) / 2.0, right - left
-        if way == 0.0 and angle == 0.0:
-            return way, angle
-        if collision:
-            self._take_collision(way)
-            way = 0.0
+        if backwards:
+            self.belief.turn(-angle)
+            if not collision:
+                self.belief.drive(-way, stay_if_blocked=collision is None)
         else:
-            self.belief.drive(way, stay_if_blocked=collision is None)
-        self.belief.turn(angle)
+            if collision:
+                weigh_collision(self.belief, way, self.settings.exponent)
+            else:
+                self.belief.drive(way, stay_if_blocked=collision is None)
+            self.belief.turn(angle)
         wheel_variance = (2.0 * self.parameters.motors_noise / 100.0) ** 2 * (left**2 + right**2)
         moving = min((abs(left) + abs(right)) / 0.2, 1.0)
         noisy = 1.0 if self.parameters.motors_noise > 0.0 else 0.25
@@ -258,7 +306,7 @@ class PoseFilter:
         for axis, variance in enumerate((place, place, wheel_variance + floor_turn)):
             self._variances[axis] += variance
         self._since_diffusion += 1
-        return way, angle
+        self._diffuse_if_due()
 
     def _diffuse_if_due(self) -> None:
         """Spread the belief by the noise gathered since the last time; one axis at a time, in turn."""
@@ -273,32 +321,38 @@ class PoseFilter:
         else:
             self.belief.diffuse_place(variance, vertical=axis == 1)
 
-    def _take_readings(
-        self, infrared: tuple[float | None, ...], compass: float | None, exponent: float, time: int
-    ) -> None:
-        belief = self.belief
+    def update(self, step: FilterStep) -> None:
+        """Take in what the sensors said in a step."""
+        if step.exponent > 0.0:
+            self._take_readings(step)
+        if step.ground is not None:
+            self._ground.weigh(self.belief, step.ground, self.settings.exponent)
+
+    def _take_readings(self, step: FilterStep) -> None:
+        belief, exponent = self.belief, step.exponent
         elsewhere = 0.0
-        factors: list[tuple[NDArray[np.uint8], NDArray[np.float32]]] = []
-        for sensor, reading in enumerate(infrared[: len(self.tables.sensors)]):
+        factors: list[Factor] = []
+        for sensor, reading in enumerate(step.infrared[: len(self.tables.sensors)]):
             if reading is None:
                 continue
             table = np.exp(exponent * self._codes.log_likelihood(reading))
-            shares = self._code_shares[self.tables.sensors[sensor][0]]
+            shares = self.tables.code_shares[self.tables.sensors[sensor][0]]
             elsewhere += math.log(float(shares @ table))
             factors.append((self.tables.view(sensor, belief.heading_offset), table.astype(np.float32)))
         by_bin: NDArray[np.float32] | None = None
-        if compass is not None:
-            by_bin_double = self._compass_factor(compass, exponent)
-            elsewhere += math.log(float(by_bin_double.mean()))
-            by_bin = by_bin_double.astype(np.float32)
+        if step.compass is not None:
+            log_likelihood = compass_log_likelihood(belief, step.compass, self.parameters.compass_noise)
+            tempered = np.exp(exponent * log_likelihood)
+            elsewhere += math.log(float(tempered.mean()))
+            by_bin = tempered.astype(np.float32)
         if not factors and by_bin is None:
             return
-        self._multiply(factors, by_bin)
+        multiply(belief, factors, by_bin)
         evidence = belief.normalize()
         ratio = math.log(max(evidence, 1e-30)) - elsewhere
         self.alarm_level = max(self.alarm_level - ratio + self.settings.alarm_slack, 0.0)
         if evidence == 0.0 or self.alarm_level > self.settings.alarm:
-            self.restart(time)
+            self.restart(step.time)
             return
         belief.prune()
 
@@ -307,84 +361,6 @@ class PoseFilter:
         self.restarts.append(time)
         self.alarm_level = 0.0
         self.belief.set_uniform()
-
-    def _multiply(
-        self,
-        factors: list[tuple[NDArray[np.uint8], NDArray[np.float32]]],
-        by_bin: NDArray[np.float32] | None,
-    ) -> None:
-        belief = self.belief
-        if belief.dense is None:
-            for codes, table in factors:
-                belief.weight *= table[codes[belief.bin, belief.square]]
-            if by_bin is not None:
-                belief.weight *= by_bin[belief.bin]
-            return
-        if self._buffer is None:
-            self._buffer = np.empty(self.tables.lattice.size, np.float32)
-        for row in range(BINS):
-            weights = belief.dense[row, :-1]
-            for codes, table in factors:
-                table.take(codes[row], out=self._buffer, mode="clip")
-                weights *= self._buffer
-            if by_bin is not None:
-                weights *= by_bin[row]
-
-    def _compass_factor(self, degrees: float, exponent: float) -> Floats:
-        belief = self.belief
-        difference = np.remainder(np.rad2deg(belief.headings()) - degrees + 180.0, 360.0) - 180.0
-        width = math.degrees(belief.bin_width)
-        variance = self.parameters.compass_noise**2 + (1.0 + 2.0 * width**2) / 12.0
-        density = np.exp(-0.5 * difference**2 / variance) + 1e-4
-        return np.asarray((density / density.max()) ** exponent)
-
-    def _take_collision(self, way: float) -> None:
-        """Weigh the states by how near they are to a wall ahead."""
-        belief, lattice = self.belief, self.tables.lattice
-        bins, squares, _ = belief.listed()
-        sign = math.copysign(1.0, way)
-        headings = belief.headings()
-        step = np.stack([np.cos(headings), np.sin(headings)], axis=1) * sign
-        ahead = np.round(belief.offset / lattice.resolution + step).astype(np.int64)[bins]
-        site = lattice.site[squares] + ahead[:, 1] * lattice.nx + ahead[:, 0]
-        target = lattice.index[site]
-        clearance = np.append(lattice.clearance, 0.0)[target]
-        touching = 0.02 + 0.98 / (
-            1.0 + np.exp((clearance - ROBOT_RADIUS - 0.05) / (0.5 * lattice.resolution))
-        )
-        factor = (touching**self.settings.exponent).astype(np.float32)
-        if belief.dense is None:
-            belief.weight *= factor
-        else:
-            belief.dense[bins, squares] *= factor
-        belief.normalize()
-
-    def _take_ground(self, target: int) -> None:
-        if self._ground is None or target >= len(self._ground):
-            return
-        exponent = self.settings.exponent
-        factor = self._ground[target] if target >= 0 else 1.0 - self._ground.max(axis=0)
-        squares = np.flatnonzero(factor < 0.999)
-        values = (np.maximum(factor, 0.02) ** exponent).astype(np.float32)
-        belief = self.belief
-        if belief.dense is None:
-            belief.weight *= values[belief.square]
-        elif len(squares):
-            belief.dense[:, squares] *= values[squares]
-        belief.normalize()
-
-
-def _ground_table(lab: Lab, tables: PoseTables) -> Floats | None:
-    """Probability that the ground sensor reports each target in each square; shape (targets, squares)."""
-    if not lab.targets:
-        return None
-    lattice = tables.lattice
-    rows = []
-    for target in lab.targets:
-        distance = np.hypot(lattice.x - target.x, lattice.y - target.y)
-        beyond = (distance - (target.radius - ROBOT_RADIUS)) / (0.4 * lattice.resolution)
-        rows.append(1.0 / (1.0 + np.exp(np.clip(beyond, -50.0, 50.0))))
-    return np.array(rows)
 
 
 def _filtered(command: Command, wheels: Command) -> Command:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,17 @@ class PoseTables:
     steps: int
     codes: tuple[Codes, ...]
     sensors: tuple[tuple[int, int], ...]
+    _shares: list[NDArray[np.float64]] = field(default_factory=list)
+
+    @property
+    def code_shares(self) -> list[NDArray[np.float64]]:
+        """For each table how often every code occurs in it; shape (256,) each."""
+        if not self._shares:
+            self._shares.extend(
+                np.bincount(codes[: len(codes) // 2].ravel(), minlength=256) / (codes.size / 2)
+                for codes in self.codes
+            )
+        return self._shares
 
     def view(self, sensor: int, heading_offset: float) -> Codes:
         """Give the codes of a sensor for all bins, at the nearest direction that is tabulated.

@@ -1,0 +1,209 @@
+"""A run of the agent with the pose filter in the loop: `--online`, and every drive but the published one."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from agent.session import Session, Settings
+
+if TYPE_CHECKING:
+    from agent.controller import Controller
+    from agent.drives.base import Drive
+    from agent.pose_filter.live import LiveFilter
+    from agent.pose_filter.worker import TableWorker
+    from agent.reporter import Reporter
+    from agent.runlog import Cycle, RunWriter
+    from agent.signals import Interrupts
+    from ciberrato.net.link import Link
+
+_LINE_EVERY = 20  # cycles between two lines of what is known
+_BAR = 24
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveSettings:
+    """What the user asked for of the live filter and the drive.
+
+    Attributes
+    ----------
+    drive : {"right", "explore", "active", "goto"}
+    goal : (float, float) or None
+        Where ``goto`` goes, in units.
+    start : {"anywhere", "centres"}
+        What is possible at the start.
+    smooth : bool
+        Whether the belief file is computed afterwards, from the whole run.
+    exit_when_finished : bool
+        Whether the run is over when the drive has nothing more to do.
+    show : bool
+        Whether to print what is known while driving.
+    """
+
+    drive: str = "right"
+    goal: tuple[float, float] | None = None
+    start: str = "anywhere"
+    smooth: bool = False
+    exit_when_finished: bool = False
+    show: bool = True
+
+
+class LiveSession(Session):
+    """One run of the agent with the pose filter in the loop.
+
+    Parameters
+    ----------
+    settings : Settings
+    live : LiveSettings
+    interrupts : Interrupts
+        Armed.
+    reporter : Reporter
+    """
+
+    def __init__(
+        self, settings: Settings, live: LiveSettings, interrupts: Interrupts, reporter: Reporter
+    ) -> None:
+        super().__init__(settings, interrupts, reporter)
+        self._live_settings = live
+        self._tables: TableWorker | None = None
+        self._live: LiveFilter | None = None
+        self._bar = _ProgressBar()
+        self._claimed = False
+        self._restarts = 0
+        self._finished: str | None = None
+
+    def _start_worker(self) -> None:
+        super()._start_worker()
+        from agent.pose_filter.worker import TableWorker
+
+        settings = self._settings
+        self._tables = TableWorker(
+            settings.lab, settings.angles, progress=None if settings.quiet else self._bar.show
+        )
+        self._tables.start()
+
+    def _make_controller(self) -> Controller:
+        from agent.live_controller import LiveController
+        from agent.pose_filter.live import LiveFilter
+
+        assert self._header is not None
+        assert self._tables is not None
+        settings, live = self._settings, self._live_settings
+        self._live = LiveFilter(settings.lab, self._header.parameters, self._tables, start=live.start)
+        return LiveController(
+            self._header,
+            self._live,
+            self._make_drive(),
+            exit_at_wall=settings.exit_at_wall,
+            exit_when_finished=live.exit_when_finished,
+        )
+
+    def _make_drive(self) -> Drive | None:
+        settings, live = self._settings, self._live_settings
+        if live.drive == "right":
+            return None
+        from agent.drives import make_drive
+
+        assert self._header is not None
+        return make_drive(
+            live.drive,
+            settings.lab,
+            self._header.parameters,
+            settings.angles,
+            goal=live.goal,
+            cruise=settings.cruise,
+        )
+
+    def _record(self, cycle: Cycle, writer: RunWriter) -> None:
+        super()._record(cycle, writer)
+        if cycle.estimate is None or not self._live_settings.show:
+            return
+        x, y, heading, probability = cycle.estimate
+        assert self._live is not None
+        assert self._live.filter is not None
+        restarts = len(self._live.filter.restarts)
+        news = ""
+        if restarts > self._restarts:
+            news = "; the robot must have been moved, starting anew"
+        elif self._claimed != (probability > 0.95):
+            self._claimed = not self._claimed
+            news = "; the pose is known" if self._claimed else "; the pose is no longer certain"
+        self._restarts = restarts
+        if news or cycle.time % _LINE_EVERY == 0:
+            self._reporter.say(
+                f"time {cycle.time}: cell row {math.floor(y / 2.0)} column {math.floor(x / 2.0)}, "
+                f"x {x:.2f} y {y:.2f} heading {heading:.0f}, p {probability:.3f}, "
+                f"entropy {cycle.entropy:.1f} bits{self._others(probability)}{news}"
+            )
+
+    def _others(self, probability: float) -> str:
+        """Say what else the pose may be, if it is not certain."""
+        assert self._live is not None
+        if probability > 0.95:
+            return ""
+        others = [mode for mode in self._live.modes() if mode.probability >= 0.05]
+        if len(others) < 2:
+            return ""
+        listed = ", ".join(
+            f"{mode.x:.1f},{mode.y:.1f},{math.degrees(mode.heading):.0f} ({mode.probability:.2f})"
+            for mode in others[:5]
+        )
+        return f"; {len(others)} places fit: {listed}"
+
+    def _finish(self, link: Link, reason: str) -> int:
+        if self._live is None or not self._live.history:
+            return super()._finish(link, reason)
+        self._stop(link)
+        begin = time.monotonic()
+        self._live.finish()
+        self._reporter.say(self._live.statistics.line())
+        if time.monotonic() - begin > 1.0:
+            self._reporter.say(f"caught up in {time.monotonic() - begin:.1f} s")
+        if self._live_settings.drive == "right" and not self._live_settings.smooth:
+            return super()._finish(link, reason)
+        return self._write_beliefs(reason)
+
+    def _write_beliefs(self, reason: str) -> int:
+        from agent.belieffile import write_beliefs
+        from agent.pose_filter.trace import cell_beliefs
+
+        assert self._live is not None
+        assert self._tables is not None
+        settings = self._settings
+        tables = self._tables.fine
+        assert tables is not None
+        self._reporter.say(f"{reason}; finishing: writing {settings.output} (signals are ignored until then)")
+        assert self._header is not None
+        beliefs = cell_beliefs(
+            settings.lab,
+            tables,
+            self._header.parameters,
+            self._live.history,
+            start=self._live_settings.start,
+            smooth=self._live_settings.smooth,
+        )
+        write_beliefs(settings.output, beliefs, settings.precision)
+        self._reporter.say(f"{settings.output}: {len(beliefs)} blocks")
+        return 0
+
+
+class _ProgressBar:
+    """Shows on a terminal how far the tables are."""
+
+    def __init__(self) -> None:
+        self._shown = -1
+
+    def show(self, which: str, done: float) -> None:
+        """Draw the bar."""
+        if not sys.stderr.isatty():
+            return
+        filled = int(_BAR * done)
+        if filled == self._shown and done < 1.0:
+            return
+        self._shown = filled
+        end = "\n" if done >= 1.0 else ""
+        sys.stderr.write(f"\r{which} tables [{'#' * filled}{'.' * (_BAR - filled)}]{end}")
+        sys.stderr.flush()

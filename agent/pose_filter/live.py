@@ -1,0 +1,208 @@
+"""The pose filter inside the agent's loop: never late with an answer, whatever tables and belief cost.
+
+Messages go through a queue. In each cycle as many are worked off as fit into a budget of time; what is
+left waits for the next cycle, and the estimate is carried on by dead reckoning meanwhile. Nothing is
+dropped: the filter is late by a few cycles at the most while much is possible, and catches up as soon as
+little is. How late it was is counted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from agent.pose_filter.estimate import PoseEstimate, modes
+from agent.pose_filter.posefilter import PoseFilter
+from agent.pose_filter.staged import StagedFilter
+from agent.pose_filter.worker import TableWorker
+from ciberrato.kinematics import advance, clamp_power, filter_power, wrap_angle
+from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.parameters import Parameters
+from ciberrato.protocol.messages import Measures
+
+Command = tuple[float, float]
+Input = tuple[Measures, Command | None]
+
+_BUDGET = 0.5
+
+
+@dataclass(slots=True)
+class LiveStatistics:
+    """How the live filter kept up.
+
+    Attributes
+    ----------
+    milliseconds : list of float
+        Time used in every cycle.
+    lags : list of int
+        Messages left waiting after every cycle, since there are tables.
+    ready, fine : int or None
+        Times (simulated cycles) at which the filter began, and changed to fine tables.
+    """
+
+    milliseconds: list[float] = dataclasses.field(default_factory=list)
+    lags: list[int] = dataclasses.field(default_factory=list)
+    ready: int | None = None
+    fine: int | None = None
+
+    def line(self) -> str:
+        """Sum up in a line."""
+        ordered = sorted(self.milliseconds)
+        if not ordered:
+            return "the filter never ran"
+        late = sum(lag > 0 for lag in self.lags)
+        return (
+            f"filter: {ordered[len(ordered) // 2]:.1f} ms a cycle (median), "
+            f"{ordered[int(0.99 * (len(ordered) - 1))]:.1f} ms (99 %), {ordered[-1]:.1f} ms (most); "
+            f"behind in {late} of {len(ordered)} cycles, by {max(self.lags, default=0)} at most"
+        )
+
+
+class LiveFilter:
+    """Feeds a pose filter within a budget of time.
+
+    Parameters
+    ----------
+    lab : Lab
+    parameters : Parameters
+        As announced.
+    worker : TableWorker
+        Started.
+    start : {"anywhere", "centres"}
+        See `PoseFilter`.
+    budget : float or None
+        Seconds a cycle; None = half of CycleTime.
+    clock : callable
+        Seconds.
+    """
+
+    def __init__(
+        self,
+        lab: Lab,
+        parameters: Parameters,
+        worker: TableWorker,
+        *,
+        start: str = "anywhere",
+        budget: float | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self._lab = lab
+        self._parameters = parameters
+        self._worker = worker
+        self._start = start
+        self._budget = _BUDGET * parameters.cycle_time / 1000.0 if budget is None else budget
+        self._clock = clock
+        self.history: list[Input] = []
+        """All messages, each with the command that was in effect before it."""
+        self.filter: StagedFilter | None = None
+        """None until there are tables."""
+        self._taken = 0
+        self.statistics = LiveStatistics()
+
+    @property
+    def lag(self) -> int:
+        """Messages that the filter has not taken in yet."""
+        return len(self.history) - self._taken
+
+    def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
+        """Take in a message, and work off as much as the budget allows.
+
+        Parameters
+        ----------
+        measures : Measures
+        command_in_effect : (float, float) or None
+            See `PoseFilter.observe`.
+        """
+        begin = self._clock()
+        self.history.append((measures, command_in_effect))
+        self._look_for_tables()
+        end = begin + self._budget
+        if self.filter is not None:
+            was_fine = self.filter.is_fine
+            self._taken = self._feed(self.filter, self._taken, end)
+            if self.statistics.ready is None:
+                self.statistics.ready = measures.time
+            if self.filter.is_fine and not was_fine and self.statistics.fine is None:
+                self.statistics.fine = measures.time
+            self.statistics.milliseconds.append(1000.0 * (self._clock() - begin))
+            self.statistics.lags.append(self.lag)
+
+    def finish(self) -> StagedFilter:
+        """Wait for the fine tables and take in everything that is still waiting, whatever it takes.
+
+        Returns
+        -------
+        StagedFilter
+
+        Raises
+        ------
+        Exception
+            Whatever stopped the worker.
+        """
+        self._worker.wait()
+        self._look_for_tables()
+        assert self.filter is not None
+        self._taken = self._feed(self.filter, self._taken, math.inf)
+        return self.filter
+
+    def estimate(self) -> PoseEstimate | None:
+        """Give the pose now, what is still waiting taken into account by dead reckoning."""
+        if self.filter is None:
+            return None
+        return self._carry_on(self.filter.estimate())
+
+    def modes(self) -> list[PoseEstimate]:
+        """Give all poses that the belief is gathered around, the likeliest first."""
+        if self.filter is None:
+            return []
+        return sorted((self._carry_on(mode) for mode in modes(self.filter.belief)), key=_less_probable)
+
+    def _look_for_tables(self) -> None:
+        if self._worker.error is not None:
+            raise self._worker.error
+        coarse, fine = self._worker.coarse, self._worker.fine
+        if self.filter is None and coarse is not None:
+            self.filter = StagedFilter(self._lab, coarse, fine, self._parameters, start=self._start)
+        elif self.filter is not None and self.filter.fine_tables is None:
+            self.filter.fine_tables = fine
+
+    def _feed(self, pose_filter: PoseFilter, taken: int, end: float) -> int:
+        while taken < len(self.history) and self._clock() < end:
+            pose_filter.observe(*self.history[taken])
+            taken += 1
+        return taken
+
+    def _carry_on(self, found: PoseEstimate) -> PoseEstimate:
+        assert self.filter is not None
+        if self.lag == 0:
+            return found
+        pose, wheels = (found.x, found.y, found.heading), self.filter.wheels
+        for waiting in _commands(self.history[max(self._taken - 1, 0) :]):
+            left, right = (filter_power(clamp_power(c), w) for c, w in zip(waiting, wheels, strict=True))
+            wheels = left, right
+            pose = advance(*pose, *wheels)
+        x, y, heading = pose
+        return dataclasses.replace(
+            found,
+            x=x,
+            y=y,
+            heading=wrap_angle(heading),
+            cell=(math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE)),
+        )
+
+
+def _commands(inputs: Sequence[Input]) -> deque[Command]:
+    """Command in effect in every simulated cycle between the messages."""
+    commands: deque[Command] = deque()
+    for (before, _), (after, command) in itertools.pairwise(inputs):
+        commands.extend([command or (0.0, 0.0)] * max(after.time - before.time, 0))
+    return commands
+
+
+def _less_probable(mode: PoseEstimate) -> float:
+    return -mode.probability

@@ -1,0 +1,109 @@
+"""Coarse first, fine later: the pose filter that keeps within a cycle's time from the first message on.
+
+While much is possible the belief is kept on the coarse lattice, whose states are a fifth as many. As soon
+as few states are left, their weight is spread over the squares of the fine lattice that they cover, and
+the fine filter goes on from there. If the robot turns out to be elsewhere, everything is possible again,
+and it is the coarse filter's turn. Drives and reports see one filter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agent.pose_filter.belief import PoseBelief
+from agent.pose_filter.posefilter import Command, FilterSettings, PoseFilter
+from agent.pose_filter.tables import PoseTables
+from ciberrato.lab import Lab
+from ciberrato.parameters import Parameters
+from ciberrato.protocol.messages import Measures
+
+COARSE_SETTINGS = FilterSettings()
+FEW = 4000
+"""States of the coarse belief that the fine filter takes over."""
+
+
+class StagedFilter(PoseFilter):
+    """A pose filter on two lattices.
+
+    Parameters
+    ----------
+    lab : Lab
+    coarse : PoseTables
+    fine : PoseTables or None
+        May come later, see `fine_tables`.
+    parameters : Parameters
+        As announced.
+    settings : FilterSettings, optional
+        Of the fine filter.
+    start : {"anywhere", "centres"}
+        See `PoseFilter`.
+    """
+
+    def __init__(
+        self,
+        lab: Lab,
+        coarse: PoseTables,
+        fine: PoseTables | None,
+        parameters: Parameters,
+        settings: FilterSettings | None = None,
+        *,
+        start: str = "anywhere",
+    ) -> None:
+        super().__init__(lab, coarse, parameters, COARSE_SETTINGS, start=start)
+        self._fine_settings = settings or FilterSettings()
+        self.fine_tables = fine
+        """Tables of the fine lattice, as soon as they are there."""
+        self._coarse = coarse
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether the belief is on the fine lattice."""
+        return self.tables is not self._coarse
+
+    def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
+        """See `PoseFilter.observe`."""
+        super().observe(measures, command_in_effect)
+        if self.is_fine or self.fine_tables is None or self.belief.dense is not None:
+            return
+        if self.belief.states <= FEW:
+            self._change(self.fine_tables, self._fine_settings)
+
+    def restart(self, time: int) -> None:
+        """Forget everything, on the coarse lattice."""
+        if self.is_fine:
+            self.tables, self.settings = self._coarse, COARSE_SETTINGS
+            self._prepare(uniform=False)
+        super().restart(time)
+
+    def _change(self, tables: PoseTables, settings: FilterSettings) -> None:
+        """Go on with other tables; the belief goes over to the squares that its states cover."""
+        belief = self.belief
+        self.tables, self.settings = tables, settings
+        self._prepare(uniform=False)
+        transfer(belief, self.belief)
+
+
+def transfer(source: PoseBelief, target: PoseBelief) -> None:
+    """Spread a list of states over the squares of another lattice that they cover.
+
+    Parameters
+    ----------
+    source, target : PoseBelief
+        With equal bins; the source is a list. The target forgets what it held.
+    """
+    lattice = target.lattice
+    bins, squares, weights = source.listed()
+    x = source.lattice.x[squares] + source.offset[bins, 0]
+    y = source.lattice.y[squares] + source.offset[bins, 1]
+    parts = 3 if source.lattice.resolution > lattice.resolution else 1
+    shifts = (np.arange(parts) - (parts - 1) / 2.0) / parts * source.lattice.resolution
+    all_x = (x[:, np.newaxis, np.newaxis] + shifts).repeat(parts, axis=1)
+    all_y = (y[:, np.newaxis, np.newaxis] + shifts[:, np.newaxis]).repeat(parts, axis=2)
+    column = np.round((all_x - lattice.origin[0]) / lattice.resolution).astype(np.int64)
+    row = np.round((all_y - lattice.origin[1]) / lattice.resolution).astype(np.int64)
+    column, row = np.clip(column, 0, lattice.nx - 1), np.clip(row, 0, lattice.ny - 1)
+    chosen = lattice.index[row * lattice.nx + column].reshape(len(bins), -1)
+    share = np.repeat(weights[:, np.newaxis] / parts**2, parts**2, axis=1)
+    target.set_weighted(
+        np.repeat(bins, parts**2), chosen.ravel(), share.ravel(), heading_offset=source.heading_offset
+    )
