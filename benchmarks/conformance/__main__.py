@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.conformance import Row
 
-CHECKS = ("labs", "infrared", "motion", "codec", "transcripts", "scoring", "seed_runs")
+CHECKS = ("labs", "infrared", "motion", "codec", "transcripts", "logs", "noise", "scoring", "seed_runs")
 """Modules of this package, in the order of the table."""
 
 
