@@ -53,7 +53,14 @@ def _run(arguments: Sequence[str] | None) -> int:
         from simulator_stub.assembly import build_server
 
         notify = _notifier(quiet=options.quiet)
-        return _serve(build_server(options, print_line=_print_line, notify=notify), notify)
+        server = build_server(options, print_line=_print_line, notify=notify)
+        if options.view is None:
+            return _serve(server, notify)
+        from simulator_stub.companion import viewer_beside
+
+        host = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind
+        with viewer_beside(f"{host}:{server.port}", options.view):
+            return _serve(server, notify)
     except CiberratoError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return 2

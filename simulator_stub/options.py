@@ -111,6 +111,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="where scoring modes 2, 3, 5 and 6 write mapping.out or planning.out; default: here",
     )
+    output.add_argument(
+        "--view",
+        nargs="?",
+        const="6080",
+        metavar="[HOST:]PORT",
+        help="start a viewer beside it, with its page there; default: 127.0.0.1:6080; 0 takes any free port",
+    )
     output.add_argument("--quiet", action="store_true", help="no messages but errors, seed and ports")
     return parser
 

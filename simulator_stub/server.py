@@ -92,6 +92,11 @@ class Server:
         for transport in transports:
             transport.serve(self._selector, session.welcome)
 
+    @property
+    def port(self) -> int:
+        """The port number, the same on all transports."""
+        return self._transports[0].port
+
     def run(self) -> None:
         """Serve until `stop` is called, or there is nothing more to do."""
         while self.pace.wait(self._poll):
