@@ -157,6 +157,10 @@ def take_all(studio: Studio, folder: Path) -> None:
             studio.take("phone", url, f"{frame}.time >= 100", size=PHONE)
             studio.take("scrubbed", url, f"{frame}.time >= 170", act=SCRUB)
             process.terminate()
+    _record(folder)
+    shown = ("--run", str(folder / "run.jsonl"), "--beliefs", str(folder / "localization.out"), "--http", "0")
+    with started(r"page: (\S+)", "viewer", *shown) as page:
+        studio.take("recording", page[1], "ciberrato.store.last > 50", act=SCRUB)
     short = folder / "short.xml"
     short.write_text('<Parameters SimTime="700" MotorsNoise="1.5"/>')
     with simulated("maze", 4, "--autostart", "4", "--speed", "4", "--param", str(short)) as (url, _, _):
@@ -166,6 +170,17 @@ def take_all(studio: Studio, folder: Path) -> None:
     with simulated("lines", 1, "--autostart", "1") as (url, _, _):
         act = "document.querySelector('#follow').click()"
         studio.take("follow", url, f"{frame}.time >= 60", act=act)
+
+
+def _record(folder: Path) -> None:
+    """Let the agent drive through a corridor and write its log."""
+    simulator = ("--lab", "corridors", "--grid", "corridors", "--port", "0", "--seed", "7", "--lockstep")
+    arguments = (*simulator, "--autostart", "1", "--speed", "20")
+    with started(r"listening on udp .*:(\d+)", "simulator_stub", *arguments) as listening:
+        agent = ("-h", f"127.0.0.1:{listening[1]}", "-m", "corridors", "-p", "2", "-r", "santos")
+        files = ("--log", str(folder / "run.jsonl"), "-o", str(folder / "localization.out"))
+        command = [sys.executable, "-m", "agent", *agent, *files, "--exit-at-wall", "--quiet"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
