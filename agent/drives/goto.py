@@ -91,7 +91,7 @@ class GotoDrive:
         return decision
 
     def _drive(self, pose_filter: PoseFilter) -> Decision:
-        lattice = pose_filter.tables.lattice
+        lattice = pose_filter.planning_tables.lattice
         if self._costs is None:
             self._costs = costs_to(lattice, *self._goal)
         found = pose_filter.estimate()

@@ -70,7 +70,7 @@ def cached_tables(
     -------
     PoseTables
     """
-    path = _path(lab, angles, resolution, steps, folder)
+    path = table_path(lab, angles, resolution, steps, folder)
     tables = read_tables(path)
     if tables is None:
         tables = build_tables(lab, angles, resolution, steps=steps, progress=progress)
@@ -81,14 +81,8 @@ def cached_tables(
     return tables
 
 
-def is_cached(
-    lab: Lab, angles: Sequence[float], resolution: float, *, steps: int = 2, folder: Path | None = None
-) -> bool:
-    """Whether `cached_tables` would find the tables on disk."""
-    return _path(lab, angles, resolution, steps, folder).exists()
-
-
-def _path(lab: Lab, angles: Sequence[float], resolution: float, steps: int, folder: Path | None) -> Path:
+def table_path(lab: Lab, angles: Sequence[float], resolution: float, steps: int, folder: Path | None) -> Path:
+    """Say in which file the tables of a lab are kept."""
     return (folder or cache_folder()) / f"pose-tables-{table_key(lab, angles, resolution, steps)}.npz"
 
 

@@ -126,6 +126,8 @@ class LiveFilter:
             was_fine = self.filter.is_fine
             self._taken = self._feed(self.filter, self._taken, end)
             if self.statistics.ready is None:
+                if self.lag:  # still at what came before the tables
+                    return
                 self.statistics.ready = measures.time
             if self.filter.is_fine and not was_fine and self.statistics.fine is None:
                 self.statistics.fine = measures.time

@@ -184,6 +184,11 @@ class PoseFilter:
         quarters = np.arange(4) * (BINS // 4)
         self.belief.set_states(np.repeat(quarters, len(at_centre)), np.tile(at_centre, 4))
 
+    @property
+    def planning_tables(self) -> PoseTables:
+        """Tables whose lattice stays the same for the whole run."""
+        return self.tables
+
     # --- what is known --------------------------------------------------------------------------------
 
     @property

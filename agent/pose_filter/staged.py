@@ -60,6 +60,11 @@ class StagedFilter(PoseFilter):
         """Whether the belief is on the fine lattice."""
         return self.tables is not self._coarse
 
+    @property
+    def planning_tables(self) -> PoseTables:
+        """Tables whose lattice stays the same for the whole run: the coarse ones."""
+        return self._coarse
+
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
         """See `PoseFilter.observe`."""
         super().observe(measures, command_in_effect)

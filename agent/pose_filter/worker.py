@@ -1,9 +1,15 @@
-"""Computes the pose filter's tables in a thread while the agent already drives: coarse ones first."""
+"""Gets the pose filter's tables while the agent already drives: coarse ones first, then fine ones."""
 
 from __future__ import annotations
 
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,17 +21,19 @@ Progress = Callable[[str, float], None]
 
 
 class TableWorker:
-    """Computes, or reads from disk, the tables of a lab: one after the other, in a thread of its own.
+    """Reads the tables of a lab from disk or has them computed by another process, one after the other.
 
     Parameters
     ----------
     lab : Lab
     angles : tuple of float
         Mounting angles of the IR sensors in degrees.
-    fine : float or None
-        Resolution of the second tables in units; None = `FINE`.
+    coarse, fine : float or None
+        Resolutions in units; None = those of `agent.pose_filter.tables`.
+    folder : Path or None
+        Where tables are kept; None = the user's cache. One that cannot be written costs time in the next run.
     progress : callable, optional
-        Called in the thread.
+        Called in a thread of the worker.
     """
 
     def __init__(
@@ -33,13 +41,18 @@ class TableWorker:
         lab: Lab,
         angles: tuple[float, ...],
         *,
+        coarse: float | None = None,
         fine: float | None = None,
+        folder: Path | None = None,
         progress: Progress | None = None,
     ) -> None:
         self._lab = lab
         self._angles = angles
-        self._fine_resolution = fine
+        self._resolutions = (coarse, fine)
+        self._folder = folder
         self._progress = progress
+        self._process: subprocess.Popen[bytes] | None = None
+        self._stopped = False
         self.coarse: PoseTables | None = None
         """As soon as they are there."""
         self.fine: PoseTables | None = None
@@ -61,26 +74,66 @@ class TableWorker:
         """
         return self._done.wait(timeout)
 
+    def stop(self) -> None:
+        """End the process that computes, if there is one."""
+        self._stopped = True
+        if self._process is not None:
+            self._process.terminate()
+
     def _run(self) -> None:
         try:
-            from agent.pose_filter.cache import cached_tables
             from agent.pose_filter.tables import COARSE, FINE
 
-            self.coarse = cached_tables(self._lab, self._angles, COARSE, progress=self._reporting("coarse"))
-            self.fine = cached_tables(
-                self._lab, self._angles, self._fine_resolution or FINE, progress=self._reporting("fine")
-            )
+            coarse, fine = self._resolutions
+            self.coarse = self._get("coarse", coarse or COARSE)
+            self.fine = self._get("fine", fine or FINE)
         except BaseException as error:
             self.error = error
         finally:
             self._done.set()
 
-    def _reporting(self, which: str) -> Callable[[float], None] | None:
-        if self._progress is None:
-            return None
-        report = self._progress
+    def _get(self, which: str, resolution: float) -> PoseTables:
+        from agent.pose_filter.cache import read_tables, table_path
 
-        def progress(done: float) -> None:
-            report(which, done)
+        path = table_path(self._lab, self._angles, resolution, 2, self._folder)
+        tables = read_tables(path)
+        if tables is None:
+            with tempfile.TemporaryDirectory(prefix="ciberrato-") as scratch:
+                if not _writable(path.parent):
+                    path = Path(scratch) / path.name
+                self._compute(which, resolution, path)
+                tables = read_tables(path)
+        if tables is None:
+            raise RuntimeError(f"the {which} tables could not be computed")
+        return tables
 
-        return progress
+    def _compute(self, which: str, resolution: float, path: Path) -> None:
+        from agent.pose_filter.build import Order
+
+        order = pickle.dumps(Order(self._lab, self._angles, resolution, 2, path))
+        # A signal from the terminal is for the agent, which still needs the tables: hence the new session.
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "agent.pose_filter.build"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        if self._stopped:
+            self._process.terminate()
+        with self._process as process:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            process.stdin.write(order)
+            process.stdin.close()
+            for line in process.stdout:
+                if self._progress is not None:
+                    self._progress(which, float(line))
+        self._process = None
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK | os.X_OK)
