@@ -179,13 +179,13 @@ class Lockstep(Pace):
                     self._notify(f"robot {seat.robot_id} is silent and not waited for until it answers")
 
     def _awaited(self) -> list[RobotSeat]:
-        states = {robot.robot_id: robot.state for robot in self.session.simulation.robots}
+        seats = self.session.robots
         return [
-            seat
-            for robot_id, seat in self.session.robots.items()
-            if not seat.silent
-            and not seat.peer.closed
-            and states[robot_id] not in (RobotState.FINISHED, RobotState.REMOVED)
+            seats[robot.robot_id]
+            for robot in self.session.simulation.robots
+            if robot.state not in (RobotState.FINISHED, RobotState.REMOVED)
+            and not seats[robot.robot_id].silent
+            and not seats[robot.robot_id].peer.closed
         ]
 
 

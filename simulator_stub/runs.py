@@ -59,10 +59,10 @@ class Runs:
         simulation = self._session.simulation
         if simulation.state is SimulatorState.FINISHED:
             return True
-        if simulation.state is not SimulatorState.RUNNING or not self._session.robots:
+        if simulation.state is not SimulatorState.RUNNING or not simulation.robots:
             return False
-        states = {robot.robot_id: robot.state for robot in simulation.robots}
+        seats = self._session.robots
         return all(
-            seat.peer.closed or states[robot_id] in (RobotState.FINISHED, RobotState.REMOVED)
-            for robot_id, seat in self._session.robots.items()
+            robot.state in (RobotState.FINISHED, RobotState.REMOVED) or seats[robot.robot_id].peer.closed
+            for robot in simulation.robots
         )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import selectors
 import signal
 import socket
 from collections.abc import Callable, Iterator, Sequence
 
 from ciberrato.errors import UsageError
 from simulator_stub.pace import Pace
+from simulator_stub.readiness import Readiness
 from simulator_stub.session import Session
 from simulator_stub.transports import TRANSPORTS, Transport
 
@@ -82,15 +82,15 @@ class Server:
         self.simulation = session.simulation
         self._transports = transports
         self._go_on = go_on
-        self._selector = selectors.DefaultSelector()
+        self._readiness = Readiness()
         self._stopping = False
         # Waiting ends when something is written here: by `stop`, and by Python when a signal arrives.
         self._wake_up, self._alarm = socket.socketpair()
         for end in (self._wake_up, self._alarm):
             end.setblocking(False)
-        self._selector.register(self._wake_up, selectors.EVENT_READ, self._drain)
+        self._readiness.watch(self._wake_up, self._drain)
         for transport in transports:
-            transport.serve(self._selector, session.welcome)
+            transport.serve(self._readiness, session.welcome)
 
     @property
     def port(self) -> int:
@@ -116,8 +116,7 @@ class Server:
 
     def _poll(self, timeout: float) -> bool:
         if not self._stopping:
-            for key, _ in self._selector.select(timeout):
-                key.data()
+            self._readiness.wait(timeout)
         return not self._stopping
 
     @contextlib.contextmanager
@@ -139,6 +138,6 @@ class Server:
         self.session.close()
         for transport in self._transports:
             transport.close()
-        self._selector.close()
+        self._readiness.close()
         self._wake_up.close()
         self._alarm.close()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import selectors
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+
+from simulator_stub.readiness import Readiness
 
 
 class Peer(ABC):
@@ -59,10 +60,7 @@ Welcome = Callable[[Newcomer, bytes], None]
 
 
 class Transport(ABC):
-    """A way for messages to come and go. It owns its sockets and puts them under a common selector.
-
-    The selector's data is a function without arguments, to be called when the socket is ready.
-    """
+    """A way for messages to come and go. It owns its sockets and puts them under a common watch."""
 
     name: str
     """On the command line and in the line that is printed."""
@@ -81,8 +79,8 @@ class Transport(ABC):
         """
 
     @abstractmethod
-    def serve(self, selector: selectors.BaseSelector, welcome: Welcome) -> None:
-        """Put the open socket under the selector; newcomers' messages go to `welcome`."""
+    def serve(self, readiness: Readiness, welcome: Welcome) -> None:
+        """Put the open socket under watch; newcomers' messages go to `welcome`."""
 
     @abstractmethod
     def close(self) -> None:

@@ -7,10 +7,10 @@ the world, as one does whose UDP client falls silent.
 from __future__ import annotations
 
 import contextlib
-import selectors
 import socket
 
 from ciberrato.protocol import MESSAGE_LIMIT
+from simulator_stub.readiness import Readiness
 from simulator_stub.transports.base import Newcomer, Peer, Transport, Welcome, ignore
 
 READ_SIZE = 65536
@@ -31,7 +31,7 @@ class TcpTransport(Transport):
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._connections: set[TcpPeer] = set()
-        self._selector: selectors.BaseSelector | None = None
+        self._readiness: Readiness | None = None
         self.port = 0
 
     def open(self, host: str, port: int) -> None:
@@ -43,11 +43,11 @@ class TcpTransport(Transport):
         self._socket.setblocking(False)
         self.port = self._socket.getsockname()[1]
 
-    def serve(self, selector: selectors.BaseSelector, welcome: Welcome) -> None:
+    def serve(self, readiness: Readiness, welcome: Welcome) -> None:
         """Accept connections whenever there are some."""
-        self._selector = selector
+        self._readiness = readiness
         self._welcome = welcome
-        selector.register(self._socket, selectors.EVENT_READ, self._accept)
+        readiness.watch(self._socket, self._accept)
 
     def _accept(self) -> None:
         try:
@@ -57,8 +57,8 @@ class TcpTransport(Transport):
         if len(self._connections) >= CONNECTION_LIMIT:
             connection.close()
             return
-        assert self._selector is not None
-        peer = TcpPeer(self._selector, self._connections, connection, f"tcp {address[0]}:{address[1]}")
+        assert self._readiness is not None
+        peer = TcpPeer(self._readiness, self._connections, connection, f"tcp {address[0]}:{address[1]}")
         newcomer = TcpNewcomer(peer)
         peer.deliver = lambda data: self._welcome(newcomer, data)
 
@@ -66,8 +66,8 @@ class TcpTransport(Transport):
         """Close all connections and stop listening."""
         for peer in tuple(self._connections):
             peer.close()
-        if self._selector is not None:
-            self._selector.unregister(self._socket)
+        if self._readiness is not None:
+            self._readiness.forget(self._socket)
         self._socket.close()
 
 
@@ -90,13 +90,13 @@ class TcpPeer(Peer):
 
     def __init__(
         self,
-        selector: selectors.BaseSelector,
+        readiness: Readiness,
         connections: set[TcpPeer],
         connection: socket.socket,
         label: str,
     ) -> None:
         super().__init__(label)
-        self._selector = selector
+        self._readiness = readiness
         self._connections = connections
         self._socket = connection
         self._incoming = bytearray()
@@ -104,7 +104,7 @@ class TcpPeer(Peer):
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connections.add(self)
-        selector.register(connection, selectors.EVENT_READ, self._ready)
+        readiness.watch(connection, self._ready)
 
     def _ready(self) -> None:
         if self._outgoing:
@@ -121,6 +121,9 @@ class TcpPeer(Peer):
             data = b""
         if not data:
             self._drop()
+            return
+        if not self._incoming and data.find(0) == len(data) - 1:  # one whole message: nearly always
+            self.deliver(data)
             return
         self._incoming += data
         if b"\0" in data:
@@ -146,7 +149,7 @@ class TcpPeer(Peer):
             if sent == len(data):
                 return
             data = data[sent:]
-            self._selector.modify(self._socket, selectors.EVENT_READ | selectors.EVENT_WRITE, self._ready)
+            self._readiness.watch_writing(self._socket, wanted=True)
         self._outgoing += data
         if len(self._outgoing) > BACKLOG_LIMIT:
             self._drop()
@@ -161,7 +164,7 @@ class TcpPeer(Peer):
             return
         del self._outgoing[:sent]
         if not self._outgoing:
-            self._selector.modify(self._socket, selectors.EVENT_READ, self._ready)
+            self._readiness.watch_writing(self._socket, wanted=False)
 
     def close(self) -> None:
         """Close the connection; what could not be sent by then is tried once more."""
@@ -174,6 +177,6 @@ class TcpPeer(Peer):
     def _drop(self) -> None:
         if not self.closed:
             self.closed = True
-            self._selector.unregister(self._socket)
+            self._readiness.forget(self._socket)
             self._socket.close()
             self._connections.discard(self)

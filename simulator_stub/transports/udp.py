@@ -6,9 +6,10 @@ do not come from the address and port that registered are dropped.
 
 from __future__ import annotations
 
-import selectors
+import contextlib
 import socket
 
+from simulator_stub.readiness import Readiness
 from simulator_stub.transports.base import Newcomer, Peer, Transport, Welcome
 
 READ_SIZE = 2048
@@ -26,7 +27,7 @@ class UdpTransport(Transport):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._host = ""
         self._peers: set[UdpPeer] = set()
-        self._selector: selectors.BaseSelector | None = None
+        self._readiness: Readiness | None = None
         self.port = 0
 
     def open(self, host: str, port: int) -> None:
@@ -36,11 +37,11 @@ class UdpTransport(Transport):
         self._host = host
         self.port = self._socket.getsockname()[1]
 
-    def serve(self, selector: selectors.BaseSelector, welcome: Welcome) -> None:
+    def serve(self, readiness: Readiness, welcome: Welcome) -> None:
         """Read registrations whenever there are some."""
-        self._selector = selector
+        self._readiness = readiness
         self._welcome = welcome
-        selector.register(self._socket, selectors.EVENT_READ, self._read)
+        readiness.watch(self._socket, self._read)
 
     def _read(self) -> None:
         try:
@@ -54,16 +55,21 @@ class UdpTransport(Transport):
         own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         own.bind((self._host, 0))
         own.setblocking(False)
+        # From here on the kernel drops what others send; what came before is dropped here.
+        own.connect(address)
+        with contextlib.suppress(OSError):
+            while True:
+                own.recv(1)
         peer = UdpPeer(self, own, address)
         self._peers.add(peer)
-        assert self._selector is not None
-        self._selector.register(own, selectors.EVENT_READ, peer.read)
+        assert self._readiness is not None
+        self._readiness.watch(own, peer.read)
         return peer
 
     def release(self, peer: UdpPeer, own: socket.socket) -> None:
         """Close a client's socket."""
-        assert self._selector is not None
-        self._selector.unregister(own)
+        assert self._readiness is not None
+        self._readiness.forget(own)
         own.close()
         self._peers.discard(peer)
 
@@ -71,8 +77,8 @@ class UdpTransport(Transport):
         """Close all sockets."""
         for peer in tuple(self._peers):
             peer.close()
-        if self._selector is not None:
-            self._selector.unregister(self._socket)
+        if self._readiness is not None:
+            self._readiness.forget(self._socket)
         self._socket.close()
 
 
@@ -96,24 +102,27 @@ class UdpPeer(Peer):
         super().__init__(f"udp {address[0]}:{address[1]}")
         self._transport = transport
         self._socket = own
-        self._address = address
 
     def read(self) -> None:
-        """Take one datagram, if it comes from the client."""
+        """Take one datagram."""
         try:
-            data, address = self._socket.recvfrom(READ_SIZE)
-        except OSError:
+            data = self._socket.recv(READ_SIZE)
+        except OSError:  # nothing there after all, or nobody was there for what was sent last
             return
-        if address == self._address:
-            self.deliver(data)
+        self.deliver(data)
 
     def send(self, data: bytes) -> None:
         """Send a datagram; if it cannot be sent it is lost, as any datagram may be."""
-        if not self.closed:
-            try:
-                self._socket.sendto(data, self._address)
-            except OSError:
-                return
+        if self.closed:
+            return
+        try:
+            self._socket.send(data)
+        except ConnectionRefusedError:
+            # Nobody was there for the one before; that does not mean that nobody is there now.
+            with contextlib.suppress(OSError):
+                self._socket.send(data)
+        except OSError:
+            return
 
     def close(self) -> None:
         """Close the socket."""

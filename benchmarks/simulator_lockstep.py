@@ -1,0 +1,191 @@
+"""Lockstep over loopback: cycles a second of the simulator with robots in a process of their own.
+
+The client is as small as a client can be: it looks for the time only when it has to stop, and answers every
+message with the same bytes. What is measured is the simulator, decoding and encoding included, and the way to
+and fro. The reference sends the same bytes to and fro, and does nothing else.
+"""
+
+from __future__ import annotations
+
+import re
+import select
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from benchmarks.measure import Row
+
+CYCLES = {1: 12_000, 5: 5_000}
+"""Cycles of a run, by the number of robots."""
+
+TARGETS = {1: 1 / 12_000, 5: 1 / 4_000}
+"""Seconds a cycle that were asked for."""
+
+SERIES = 3
+
+REGISTRATION = b'<Robot Id="%d" Name="r%d"/>\0'
+ANSWER = b'<Actions LeftMotor="0.1" RightMotor="0.08"/>\0'
+MEASURES = b"m" * 355 + b"\0"
+"""As long as the Measures of a robot with the usual sensors."""
+
+_END = b'Start="Off" Stop="Off"'
+
+
+def rows() -> Iterator[Row]:
+    """Yield the rows of this benchmark."""
+    for robots in CYCLES:
+        group = f"lockstep on loopback, {robots} robot{'s' if robots > 1 else ''} in maze, a cycle"
+        for transport in ("udp", "tcp"):
+            if transport == "udp":
+                seconds = min(echo_seconds(robots) for _ in range(SERIES))
+                yield Row(
+                    group=group,
+                    who="the same datagrams, nothing done",
+                    seconds=seconds,
+                    reference=True,
+                    note=f"{1 / seconds:,.0f} cycles/s",
+                )
+            seconds = min(cycle_seconds(transport, robots) for _ in range(SERIES))
+            yield Row(
+                group=group,
+                who=f"simulator_stub over {transport.upper()}",
+                seconds=seconds,
+                ours=True,
+                target=TARGETS[robots],
+                note=f"{1 / seconds:,.0f} cycles/s",
+            )
+
+
+def cycle_seconds(transport: str, robots: int) -> float:
+    """Run the simulator once; give the seconds of one cycle."""
+    with simulator(CYCLES[robots], robots) as port:
+        client = _udp_clients if transport == "udp" else _tcp_clients
+        seconds = client(port, robots)
+    return seconds / CYCLES[robots]
+
+
+@contextmanager
+def simulator(cycles: int, robots: int, *options: str) -> Iterator[int]:
+    """Run a simulator in a process of its own; yield its port."""
+    with tempfile.TemporaryDirectory() as folder:
+        parameters = Path(folder) / "params.xml"
+        parameters.write_text(f'<Parameters SimTime="{cycles}" CycleTime="50"/>', encoding="utf-8")
+        grid = ";".join(f"{3 + 4 * number},3,0" for number in range(robots))
+        command = [sys.executable, "-m", "simulator_stub", "--lab", "maze", "--grid", grid, "--seed", "1"]
+        command += ["--param", str(parameters), "--lockstep", "--exit-at-end", "--autostart", str(robots)]
+        command += ["--bind", "127.0.0.1", "--port", "0", *options]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as
+        process:
+            assert process.stdout is not None
+            lines = [process.stdout.readline() for _ in range(3)]
+            try:
+                yield int(lines[1].rsplit(":", 1)[1])
+                process.wait(20.0)
+            finally:
+                process.kill()
+
+
+def _udp_clients(port: int, robots: int) -> float:
+    sockets = []
+    for number in range(1, robots + 1):
+        own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        own.bind(("127.0.0.1", 0))
+        own.sendto(REGISTRATION % (number, number), ("127.0.0.1", port))
+        _, address = own.recvfrom(4096)
+        own.connect(address)
+        sockets.append(own)
+    return _drive(sockets)
+
+
+def _tcp_clients(port: int, robots: int) -> float:
+    sockets = []
+    for number in range(1, robots + 1):
+        own = socket.create_connection(("127.0.0.1", port))
+        own.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        own.sendall(REGISTRATION % (number, number))
+        sockets.append(own)
+    return _drive(sockets)
+
+
+def _drive(sockets: list[socket.socket]) -> float:
+    """Answer everything until the end; give the seconds from time 1 on."""
+    began = 0.0
+    poll = select.poll()
+    by_number = {own.fileno(): own for own in sockets}
+    for own in sockets:
+        poll.register(own, select.POLLIN)
+    running = re.compile(rb'<Measures Time="[1-9]')
+    alone = sockets[0] if len(sockets) == 1 else None
+    ended: set[int] = set()
+    while len(ended) < len(sockets):
+        for own in [alone] if alone else [by_number[number] for number, _ in poll.poll()]:
+            assert own is not None
+            data = own.recv(65536)
+            if not began and running.search(data):
+                began = time.perf_counter()
+            if _END in data or not data:
+                ended.add(own.fileno())
+                continue
+            if b"</Measures>" in data:
+                own.send(ANSWER)
+    seconds = time.perf_counter() - began
+    for own in sockets:
+        own.close()
+    return seconds
+
+
+_ECHO = """
+import select, socket, sys
+robots, cycles = int(sys.argv[1]), int(sys.argv[2])
+message = b"m" * 355 + b"\\0"
+sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(robots)]
+for own in sockets:
+    own.bind(("127.0.0.1", 0))
+print(*(own.getsockname()[1] for own in sockets), flush=True)
+addresses = [own.recvfrom(64)[1] for own in sockets]
+for own, address in zip(sockets, addresses):
+    own.connect(address)
+for _ in range(cycles):
+    for own in sockets:
+        own.send(message)
+    for own in sockets:
+        own.recv(2048)
+for own in sockets:
+    own.send(b"end")
+"""
+
+
+def echo_seconds(robots: int) -> float:
+    """Let another process send and receive the same bytes; give the seconds of one cycle."""
+    cycles = CYCLES[robots]
+    command = [sys.executable, "-c", _ECHO, str(robots), str(cycles)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        ports = [int(text) for text in process.stdout.readline().split()]
+        sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in ports]
+        for own, port in zip(sockets, ports, strict=True):
+            own.connect(("127.0.0.1", port))
+            own.send(b"hello")
+        poll = select.poll()
+        by_number = {own.fileno(): own for own in sockets}
+        for own in sockets:
+            poll.register(own, select.POLLIN)
+        alone = sockets[0] if robots == 1 else None
+        began = time.perf_counter()
+        left = robots
+        while left:
+            for own in [alone] if alone else [by_number[number] for number, _ in poll.poll()]:
+                assert own is not None
+                if own.recv(4096) == b"end":
+                    left -= 1
+                else:
+                    own.send(ANSWER)
+        seconds = time.perf_counter() - began
+        for own in sockets:
+            own.close()
+    return seconds / cycles
