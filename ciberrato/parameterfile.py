@@ -7,48 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ciberrato.parameternames import FILE_NAMES, INTEGERS, REALS, SWITCHES
 from ciberrato.parameters import Parameters
 from ciberrato.xmlfile import Element, Reader, parse_elements, read_file
 
-_NATURALS = {
-    "SimTime": "sim_time",
-    "CycleTime": "cycle_time",
-    "KeyTime": "key_time",
-    "NRequestsPerCycle": "requests_per_cycle",
-    "ObstacleLatency": "obstacle_latency",
-    "BeaconLatency": "beacon_latency",
-    "GroundLatency": "ground_latency",
-    "CompassLatency": "compass_latency",
-    "collisionLatency": "collision_latency",
-    "ReturnTimePenalty": "return_time_penalty",
-    "ArrivalTimePenalty": "arrival_time_penalty",
-    "CollisionWallPenalty": "collision_wall_penalty",
-    "CollisionRobotPenalty": "collision_robot_penalty",
-    "TargetReward": "target_reward",
-    "HomeReward": "home_reward",
+# In files the collision latency has a small letter, and the line sensor's probability can be set, which is
+# never announced.
+_NATURALS = {name: field for name, field in INTEGERS.items() if name != "CollisionLatency"} | {
+    "collisionLatency": "collision_latency"
 }
-_REALS = {
-    "CompassNoise": "compass_noise",
-    "BeaconNoise": "beacon_noise",
-    "ObstacleNoise": "obstacle_noise",
-    "MotorsNoise": "motors_noise",
-    "GPSLinNoise": "gps_linear_noise",
-    "GPSDirNoise": "gps_direction_noise",
-    "LineSensorTrueProb": "line_sensor_true_probability",
-    "BeaconAperture": "beacon_aperture",
-}
-_SWITCHES = {
-    "GPS": "gps",
-    "BeaconSensor": "beacon_sensor",
-    "CompassSensor": "compass_sensor",
-    "ScoreSensor": "score_sensor",
-    "ObstacleRequestable": "obstacle_requestable",
-    "BeaconRequestable": "beacon_requestable",
-    "GroundRequestable": "ground_requestable",
-    "CompassRequestable": "compass_requestable",
-    "CollisionRequestable": "collision_requestable",
-}
-_TEXTS = {"Lab": "lab_file", "Grid": "grid_file"}
+_REALS = REALS | {"LineSensorTrueProb": "line_sensor_true_probability"}
 
 _WITHOUT_EFFECT = {
     "RequestsPerCycle": "write NRequestsPerCycle",
@@ -131,8 +99,8 @@ def _values(element: Element, reader: Reader) -> dict[str, Any]:
     kinds: tuple[tuple[dict[str, str], Callable[[str], Any]], ...] = (
         (_NATURALS, lambda attribute: reader.natural(element, attribute, 0)),
         (_REALS, lambda attribute: _checked_real(element, attribute, reader)),
-        (_SWITCHES, lambda attribute: reader.switch(element, attribute, False)),
-        (_TEXTS, lambda attribute: element.attributes[attribute]),
+        (SWITCHES, lambda attribute: reader.switch(element, attribute, False)),
+        (FILE_NAMES, lambda attribute: element.attributes[attribute]),
     )
     values: dict[str, Any] = {}
     for attribute in element.attributes:

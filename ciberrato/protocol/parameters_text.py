@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from ciberrato.parameternames import FILE_NAMES, INTEGERS, REALS, SWITCHES
 from ciberrato.parameters import Parameters
 from ciberrato.protocol.text import attribute, general, strict_integer, strict_real
 
@@ -28,45 +29,6 @@ _LAYOUT = """\
 \t\tTargetReward="%d" HomeReward="%d"
 %s/>
 """
-
-_INTEGERS = {
-    "SimTime": "sim_time",
-    "CycleTime": "cycle_time",
-    "KeyTime": "key_time",
-    "NRequestsPerCycle": "requests_per_cycle",
-    "ObstacleLatency": "obstacle_latency",
-    "BeaconLatency": "beacon_latency",
-    "GroundLatency": "ground_latency",
-    "CompassLatency": "compass_latency",
-    "CollisionLatency": "collision_latency",
-    "ReturnTimePenalty": "return_time_penalty",
-    "ArrivalTimePenalty": "arrival_time_penalty",
-    "CollisionWallPenalty": "collision_wall_penalty",
-    "CollisionRobotPenalty": "collision_robot_penalty",
-    "TargetReward": "target_reward",
-    "HomeReward": "home_reward",
-}
-_REALS = {
-    "CompassNoise": "compass_noise",
-    "BeaconNoise": "beacon_noise",
-    "ObstacleNoise": "obstacle_noise",
-    "MotorsNoise": "motors_noise",
-    "GPSLinNoise": "gps_linear_noise",
-    "GPSDirNoise": "gps_direction_noise",
-    "BeaconAperture": "beacon_aperture",
-}
-_SWITCHES = {
-    "GPS": "gps",
-    "BeaconSensor": "beacon_sensor",
-    "CompassSensor": "compass_sensor",
-    "ScoreSensor": "score_sensor",
-    "ObstacleRequestable": "obstacle_requestable",
-    "BeaconRequestable": "beacon_requestable",
-    "GroundRequestable": "ground_requestable",
-    "CompassRequestable": "compass_requestable",
-    "CollisionRequestable": "collision_requestable",
-}
-_NAMES = {"Lab": "lab_file", "Grid": "grid_file"}
 
 
 def encode_parameters(parameters: Parameters, n_beacons: int) -> str:
@@ -155,14 +117,14 @@ def decode_parameters(attributes: Mapping[str, str]) -> tuple[Parameters, int]:
     n_beacons = 0
     for name, text in attributes.items():
         place = f"Parameters {name}"
-        if name in _INTEGERS:
-            values[_INTEGERS[name]] = strict_integer(text, place)
-        elif name in _REALS:
-            values[_REALS[name]] = strict_real(text, place)
-        elif name in _SWITCHES:
-            values[_SWITCHES[name]] = text == "On"
-        elif name in _NAMES:
-            values[_NAMES[name]] = text
+        if name in INTEGERS:
+            values[INTEGERS[name]] = strict_integer(text, place)
+        elif name in REALS:
+            values[REALS[name]] = strict_real(text, place)
+        elif name in SWITCHES:
+            values[SWITCHES[name]] = text == "On"
+        elif name in FILE_NAMES:
+            values[FILE_NAMES[name]] = text
         elif name == "ShowActions":
             values["show_actions"] = text == "True"
         elif name == "NBeacons":
