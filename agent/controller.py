@@ -6,7 +6,7 @@ import math
 
 from agent.phases import TRANSITIONS, Event, Phase
 from agent.pilot import Pilot
-from agent.runlog import Cycle, RunHeader
+from agent.runrecords import Cycle, RunHeader
 from agent.tracker import STANDSTILL, CellTracker, Command, Crossing
 from ciberrato.parameters import Parameters
 from ciberrato.protocol.messages import Actions, Measures
@@ -117,27 +117,67 @@ class Controller:
         return STANDSTILL
 
     def _record(self, measures: Measures, crossing: Crossing | None, answered: bool) -> Cycle:
-        pose = self.tracker.pose if crossing is None else crossing.pose
-        along, lateral, heading = self.tracker.deviations
-        return Cycle(
-            time=measures.time,
-            start=measures.start,
-            stop=measures.stop,
-            collision=measures.collision,
-            compass=measures.compass,
-            ground=measures.ground,
-            infrared=measures.infrared,
-            leds=(measures.end_led, measures.returning_led, measures.visiting_led),
+        return make_cycle(
+            measures,
+            self.tracker,
+            crossing,
             command=self._command,
             answered=answered,
-            displacement=round(pose.along, 6),
-            lateral=round(pose.lateral, 6),
-            heading=round(math.degrees(pose.heading), 4),
-            spread=(round(along, 6), round(lateral, 6), round(math.degrees(heading), 4)),
             phase=self.phase.value,
-            step=None if crossing is None else crossing.index,
-            readings=None if crossing is None else crossing.readings,
         )
+
+
+def make_cycle(
+    measures: Measures,
+    tracker: CellTracker,
+    crossing: Crossing | None,
+    *,
+    command: Command | None,
+    answered: bool,
+    phase: str,
+) -> Cycle:
+    """Put a message, and what became of it, on record.
+
+    Parameters
+    ----------
+    measures : Measures
+    tracker : CellTracker
+        Which has observed them.
+    crossing : Crossing or None
+        What it found.
+    command : (float, float) or None
+        In effect from now on.
+    answered : bool
+        Whether it was sent in answer.
+    phase : str
+        What the robot is doing.
+
+    Returns
+    -------
+    Cycle
+        Estimates rounded to a millionth of a unit and a ten-thousandth of a degree.
+    """
+    pose = tracker.pose if crossing is None else crossing.pose
+    along, lateral, heading = tracker.deviations
+    return Cycle(
+        time=measures.time,
+        start=measures.start,
+        stop=measures.stop,
+        collision=measures.collision,
+        compass=measures.compass,
+        ground=measures.ground,
+        infrared=measures.infrared,
+        leds=(measures.end_led, measures.returning_led, measures.visiting_led),
+        command=command,
+        answered=answered,
+        displacement=round(pose.along, 6),
+        lateral=round(pose.lateral, 6),
+        heading=round(math.degrees(pose.heading), 4),
+        spread=(round(along, 6), round(lateral, 6), round(math.degrees(heading), 4)),
+        phase=phase,
+        step=None if crossing is None else crossing.index,
+        readings=None if crossing is None else crossing.readings,
+    )
 
 
 class _RequestRota:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from agent.runlog import DistanceModel
+    from agent.runrecords import DistanceModel
     from ciberrato.lab import Lab
     from ciberrato.parameters import Parameters
 

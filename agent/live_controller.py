@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from agent.controller import Controller
-from agent.runlog import Cycle, RunHeader
+from agent.runrecords import Cycle, RunHeader
 from agent.tracker import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
 

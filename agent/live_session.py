@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from agent.pose_filter.live import LiveFilter
     from agent.pose_filter.worker import TableWorker
     from agent.reporter import Reporter
-    from agent.runlog import Cycle, RunWriter
+    from agent.runlog import RunWriter
+    from agent.runrecords import Cycle
     from agent.signals import Interrupts
     from ciberrato.net.link import Link
 

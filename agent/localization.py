@@ -11,7 +11,7 @@ from agent.localizer import Localization, Preset, localize
 
 if TYPE_CHECKING:
     from agent.ground_truth import GroundTruth
-    from agent.runlog import RecordedRun
+    from agent.runrecords import RecordedRun
 
 
 def write_localization(

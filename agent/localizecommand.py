@@ -14,7 +14,7 @@ from agent.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
-    from agent.runlog import RecordedRun
+    from agent.runrecords import RecordedRun
     from agent.signals import Interrupts
     from ciberrato.lab import Lab
 

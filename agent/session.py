@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from agent.controller import Controller
     from agent.ground_truth import GroundTruthWorker
     from agent.reporter import Reporter
-    from agent.runlog import Cycle, DistanceModel, Preset, RunHeader, RunWriter
+    from agent.runlog import RunWriter
+    from agent.runrecords import Cycle, DistanceModel, Preset, RunHeader
     from agent.signals import Interrupts
     from ciberrato.lab import Lab
 
@@ -154,7 +155,8 @@ class Session:
         """Answer Measures until something ends the run; return what."""
         import hashlib
 
-        from agent.runlog import RunHeader, RunWriter
+        from agent.runlog import RunWriter
+        from agent.runrecords import RunHeader
 
         settings, parameters = self._settings, answer.acceptance.parameters
         assert self._worker is not None
@@ -255,7 +257,7 @@ class Session:
 
     def _finish(self, link: Link, reason: str) -> int:
         """Stop the robot, run the filter, write the file."""
-        from agent.runlog import RecordedRun
+        from agent.runrecords import RecordedRun
 
         interrupts, settings = self._interrupts, self._settings
         if self._header is None or not any(cycle.step is not None for cycle in self._cycles):

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import math
 from pathlib import Path
 
-from agent.runlog import Cycle, RecordedRun, RunHeader
+from agent.controller import make_cycle
+from agent.runrecords import Cycle, RecordedRun, RunHeader
 from agent.tracker import STANDSTILL, CellTracker
 from ciberrato.errors import LabError, UsageError
 from ciberrato.lab import Lab
@@ -105,29 +105,9 @@ def run_from_simulator_log(
                 left if logged.actions.left_motor is None else logged.actions.left_motor,
                 right if logged.actions.right_motor is None else logged.actions.right_motor,
             )
-        pose = tracker.pose if crossing is None else crossing.pose
-        along, lateral, heading = tracker.deviations
-        measures = logged.measures
+        answered = logged.actions is not None
         cycles.append(
-            Cycle(
-                time=measures.time,
-                start=measures.start,
-                stop=measures.stop,
-                collision=measures.collision,
-                compass=measures.compass,
-                ground=measures.ground,
-                infrared=measures.infrared,
-                leds=(measures.end_led, measures.returning_led, measures.visiting_led),
-                command=command,
-                answered=logged.actions is not None,
-                displacement=pose.along,
-                lateral=pose.lateral,
-                heading=math.degrees(pose.heading),
-                spread=(along, lateral, math.degrees(heading)),
-                phase="logged",
-                step=None if crossing is None else crossing.index,
-                readings=None if crossing is None else crossing.readings,
-            )
+            make_cycle(logged.measures, tracker, crossing, command=command, answered=answered, phase="logged")
         )
     header = RunHeader(
         lab_name=log.lab.name,

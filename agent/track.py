@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.runlog import RecordedRun
+from agent.runrecords import RecordedRun
 from agent.summary import peak
 from ciberrato.lab import CELL_SIZE
 

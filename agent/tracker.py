@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from agent.pose import Explanation, Pose, PoseFilter
-from agent.runlog import Readings
+from agent.runrecords import Readings
 from agent.wallcues import WallAhead, clutter, reading_variance, side_explanations
 from ciberrato.lab import CELL_SIZE
 from ciberrato.parameters import Parameters

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from agent.localizer import localize
-from agent.runlog import Cycle, RecordedRun, RunHeader, parse_cycle, parse_header
+from agent.runlog import parse_cycle, parse_header
+from agent.runrecords import Cycle, RecordedRun, RunHeader
 from agent.summary import heat_map, step_table
 from ciberrato.errors import LabError
 

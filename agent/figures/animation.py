@@ -18,7 +18,7 @@ from agent.figures.beliefs import draw_belief, probability_scale
 from agent.figures.canvas import LINE_COLOURS, new_figure
 from agent.figures.conepoint import nearest_point, sensor_point
 from agent.figures.labmaps import draw_cone, draw_robot
-from agent.runlog import RecordedRun
+from agent.runrecords import RecordedRun
 from agent.summary import cell_name, normalized_entropy, peak
 from agent.track import estimated_track
 from agent.truthfile import TruePose

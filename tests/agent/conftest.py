@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from agent.controller import Controller
-from agent.runlog import Cycle, RunHeader
+from agent.runrecords import Cycle, RunHeader
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import ideal_reading, round_reading, sensor_distances
 from ciberrato.kinematics import advance, clamp_power, filter_power

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 
 from agent.cli import main
-from agent.runlog import RunHeader, RunWriter
+from agent.runlog import RunWriter
+from agent.runrecords import RunHeader
 from ciberrato.parameters import Parameters
 
 REPOSITORY = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ import pytest
 
 from agent.controller import Controller
 from agent.phases import TRANSITIONS, Event, Phase
-from agent.runlog import RunHeader
+from agent.runrecords import RunHeader
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, Measures

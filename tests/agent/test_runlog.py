@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from agent.runlog import Cycle, RecordedRun, RunHeader, RunWriter, read_run
+from agent.runlog import RunWriter, read_run
+from agent.runrecords import Cycle, RecordedRun, RunHeader
 from ciberrato.errors import LabError
 from ciberrato.parameters import Parameters
 
@@ -139,7 +140,7 @@ def test_the_command_line_offers_what_the_log_knows() -> None:
     from typing import get_args
 
     from agent.commands import DISTANCES, PRESETS
-    from agent.runlog import DistanceModel, Preset
+    from agent.runrecords import DistanceModel, Preset
 
     assert set(PRESETS) == set(get_args(Preset))
     assert set(DISTANCES) == set(get_args(DistanceModel))

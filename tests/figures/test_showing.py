@@ -11,7 +11,8 @@ from agent.belieffile import write_beliefs
 from agent.cli import main
 from agent.ground_truth import compute_ground_truth
 from agent.localizer import localize
-from agent.runlog import Cycle, RunHeader, RunWriter
+from agent.runlog import RunWriter
+from agent.runrecords import Cycle, RunHeader
 from agent.watching import LogFollower, screen, watch
 from benchmarks.accuracy import ANGLES, drive
 from ciberrato.labfile import read_lab
