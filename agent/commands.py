@@ -73,11 +73,28 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
 
 def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     settings = _settings(options)
-    from agent.session import Session
-
     interrupts.arm()
-    reporter = Reporter(quiet=options.quiet)
+    if not options.watch:
+        return _drive(options, settings, interrupts)
+    import dataclasses
+
+    from agent.showing import watching_beside
+
+    # The screen is the view's until the end: what is to be said is said then.
+    with watching_beside(settings.log, options.map):
+        status = _drive(options, dataclasses.replace(settings, quiet=True), interrupts)
+    if status == 0 and not options.quiet:
+        from agent.inspection import inspect
+
+        inspect(settings.output)
+    return status
+
+
+def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrupts) -> int:
+    reporter = Reporter(quiet=settings.quiet)
     if not options.online and options.drive == ("right", None) and not options.smooth:
+        from agent.session import Session
+
         return Session(settings, interrupts, reporter).run()
     from agent.live_session import LiveSession, LiveSettings
 
@@ -88,7 +105,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
         start=options.start,
         smooth=options.smooth,
         exit_when_finished=options.exit_when_finished,
-        show=not options.quiet,
+        show=not settings.quiet,
     )
     return LiveSession(settings, live, interrupts, reporter).run()
 
@@ -222,6 +239,7 @@ def _run_parser() -> argparse.ArgumentParser:
         help="of the simulation, for the log (the agent has none)",
     )
     add("--quiet", action="store_true", help="print nothing but errors")
+    add("--watch", action="store_true", help="show the run on one screen while it goes on")
     return parser
 
 

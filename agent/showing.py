@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,8 @@ from ciberrato.errors import UsageError
 from ciberrato.lab import CELL_SIZE
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     from agent.summary import Cell
     from ciberrato.lab import Lab
 
@@ -285,9 +289,40 @@ def _watch_parser() -> OptionParser:
 def _watch(options: argparse.Namespace) -> None:
     from agent.watching import watch
 
+    # A signal is how a watch ends, and it has nothing to lose.
+    signal.signal(signal.SIGTERM, _end_now)
+    # With a parent, Ctrl-C is meant for the parent, which then ends this view.
+    signal.signal(signal.SIGINT, _end_now if options.parent is None else signal.SIG_IGN)
     lab, _, _ = read_lab_file(options.map)
     colour = sys.stdout.isatty() and "NO_COLOR" not in os.environ
     watch(options.run, lab, once=options.once, colour=colour, parent=options.parent)
+
+
+def _end_now(number: int, frame: FrameType | None) -> None:
+    os._exit(0)
+
+
+@contextlib.contextmanager
+def watching_beside(log: Path, lab_name: str) -> Iterator[None]:
+    """Show a run in this terminal, by a process of its own, as long as the block lasts.
+
+    Parameters
+    ----------
+    log : Path
+        Of the run; what an earlier run left there is removed, so that it is not shown.
+    lab_name : str
+        As on the command line.
+    """
+    import subprocess
+
+    log.unlink(missing_ok=True)
+    words = ["watch", str(log), "-m", lab_name, "--parent", str(os.getpid())]
+    view = subprocess.Popen([sys.executable, "-m", "agent", *words], stdin=subprocess.DEVNULL)
+    try:
+        yield
+    finally:
+        view.terminate()
+        view.wait()
 
 
 _COMMANDS: dict[str, tuple[Callable[[], OptionParser], Callable[[argparse.Namespace], None]]] = {

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 INTERVAL = 0.2
 """Seconds between looks at the log."""
 
-_HOME, _CLEAR_LINE, _CLEAR_BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
+_CLEAR_ALL, _HOME, _CLEAR_LINE, _CLEAR_BELOW = "\x1b[2J", "\x1b[H", "\x1b[K", "\x1b[J"
 _TABLE_ROWS = 5
 
 
@@ -127,6 +127,8 @@ def watch(
 
     out = sys.stdout if out is None else out
     follower = LogFollower(path)
+    if not once:
+        print(_CLEAR_ALL, end="", file=out, flush=True)
     truth: GroundTruth | None = None
     news = time.monotonic()
     while True:

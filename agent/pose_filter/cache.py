@@ -117,7 +117,8 @@ def write_tables(path: Path, tables: PoseTables) -> None:
 def read_tables(path: Path) -> PoseTables | None:
     """Read tables from a file; None if it is not there or not whole."""
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        # Opened here, as numpy leaves a file open that turns out to be no archive.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             grid = stored["grid"]
             lattice = Lattice(
                 resolution=float(grid[0]),

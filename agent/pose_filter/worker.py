@@ -129,6 +129,8 @@ class TableWorker:
                 if self._progress is not None:
                     self._progress(which, float(line))
         self._process = None
+        if self._progress is not None:
+            self._progress(which, 1.0)
 
 
 def _writable(folder: Path) -> bool:

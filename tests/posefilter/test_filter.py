@@ -1,0 +1,197 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from agent.drives import make_drive
+from agent.pose_filter.posefilter import PoseFilter
+from agent.pose_filter.staged import StagedFilter
+from agent.pose_filter.trace import cell_beliefs
+from ciberrato.parameters import Parameters
+from ciberrato.protocol import Actions, Measures, RobotRegistration
+from ciberrato.startgrid import GridPosition, StartGrid
+from simulator_stub.simulation import Simulation
+
+ANGLES = (0.0, 60.0, -60.0, 180.0)
+DEFAULT = Parameters(sim_time=0)
+
+
+class Run:
+    """A robot in the small lab, a filter, and a drive."""
+
+    def __init__(self, lab, pose_filter, start, parameters=DEFAULT, seed=1, drive="explore", goal=None):
+        grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+        self.simulation = Simulation(lab, grid, parameters, seed)
+        registration = RobotRegistration(name="g", sensor_angles=tuple(enumerate(ANGLES)))
+        self.robot = self.simulation.register(registration)
+        self.filter = pose_filter
+        self.drive = make_drive(drive, lab, parameters, ANGLES, goal=goal)
+        self.measures = self.simulation.launch()[self.robot]
+        self.command = None
+        self.history = []
+        self.decision = None
+
+    def step(self):
+        self.history.append((self.measures, self.command))
+        self.filter.observe(self.measures, self.command)
+        self.decision = self.drive.decide(self.measures, self.filter)
+        self.command = self.decision.command
+        actions = Actions(left_motor=self.command[0], right_motor=self.command[1])
+        pose = self.simulation.poses()[0]
+        self.measures = self.simulation.step({self.robot: actions})[self.robot]
+        return pose
+
+    def errors(self, pose):
+        found = self.filter.estimate()
+        place = math.hypot(found.x - pose[0], found.y - pose[1])
+        return place, abs(math.degrees(math.remainder(found.heading - pose[2], 2.0 * math.pi)))
+
+
+@pytest.fixture
+def staged(small_lab, coarse_tables, fine_tables):
+    return StagedFilter(small_lab, coarse_tables, fine_tables, DEFAULT)
+
+
+@pytest.mark.parametrize("compass", [True, False])
+@pytest.mark.parametrize("noise", ["default", "harsh"])
+def test_the_pose_is_found_from_anywhere_and_kept(small_lab, coarse_tables, fine_tables, compass, noise):
+    parameters = dataclasses.replace(DEFAULT, compass_sensor=compass)
+    if noise == "harsh":
+        parameters = dataclasses.replace(parameters, obstacle_noise=0.4, motors_noise=5.0, compass_noise=8.0)
+    for seed, start in enumerate([(1.0, 4.2, 77.0), (6.8, 1.2, -130.0)]):
+        pose_filter = StagedFilter(small_lab, coarse_tables, fine_tables, parameters)
+        run = Run(small_lab, pose_filter, start, parameters, seed)
+        known = None
+        for cycle in range(200):
+            pose = run.step()
+            place, turn = run.errors(pose)
+            if run.filter.estimate().certain:
+                known = cycle if known is None else known
+                assert place < 0.5
+                assert turn < 10.0
+        assert known is not None
+        assert known < 120
+        assert place < (0.15 if noise == "default" else 0.35)
+        assert run.simulation.robots[0].collisions == 0 or noise == "harsh"
+
+
+def test_a_kidnapped_robot_is_missed_and_found_again(small_lab, staged):
+    run = Run(small_lab, staged, (1.0, 4.2, 77.0))
+    for _ in range(100):
+        run.step()
+    assert staged.estimate().certain
+    assert staged.restarts == []
+    run.simulation.place(run.robot, 7.0, 4.9, math.radians(200.0))
+    for _ in range(150):
+        pose = run.step()
+    assert len(staged.restarts) == 1
+    assert staged.restarts[0] <= 120
+    assert staged.estimate().certain
+    assert run.errors(pose)[0] < 0.2
+
+
+def test_late_readings_are_taken_where_they_were_made(small_lab, fine_tables):
+    late = dataclasses.replace(DEFAULT, obstacle_latency=3, compass_latency=1)
+    run = Run(small_lab, PoseFilter(small_lab, fine_tables, late), (1.0, 4.2, 77.0), late)
+    errors = []
+    for cycle in range(160):
+        pose = run.step()
+        if cycle > 110:
+            errors.append(run.errors(pose)[0])
+    assert run.filter.estimate().certain
+    assert np.median(errors) < 0.1  # three cycles are 0.3 units
+
+
+def test_a_missing_compass_and_missing_readings_are_no_evidence(small_lab, coarse_tables):
+    pose_filter = PoseFilter(small_lab, coarse_tables, DEFAULT)
+    before = pose_filter.belief.dense.copy()
+    pose_filter.observe(Measures(time=0), None)
+    assert np.array_equal(pose_filter.belief.dense, before)
+
+
+def test_starts_at_centres_are_centres_with_four_headings(small_lab, coarse_tables):
+    belief = PoseFilter(small_lab, coarse_tables, DEFAULT, start="centres").belief
+    assert belief.states == 4 * 11  # one of the twelve centres is inside the block
+    assert set(belief.bin.tolist()) == {0, 18, 36, 54}
+
+
+def test_the_ground_sensor_tells_targets_apart(small_lab, coarse_tables):
+    from ciberrato.lab import Target
+
+    lab = dataclasses.replace(small_lab, targets=(Target(x=1.0, y=1.0, radius=1.5),))
+    pose_filter = PoseFilter(lab, coarse_tables, DEFAULT)
+    for inside, expected in ((0, True), (-1, False)):
+        pose_filter.belief.set_uniform()
+        for _ in range(20):
+            pose_filter._ground.weigh(pose_filter.belief, inside, 0.5)
+        lattice = coarse_tables.lattice
+        near = np.hypot(lattice.x - 1.0, lattice.y - 1.0) < 0.9
+        share = pose_filter.belief.square_weights()[near].sum()
+        assert (share > 0.9) if expected else (share < 0.01)
+
+
+def test_equal_places_keep_equal_weights_to_the_last_bit():
+    from agent.pose_filter.tables import build_tables
+    from ciberrato.labfile import read_lab
+    from maps import find_lab
+
+    lab = read_lab(find_lab("twins"))
+    tables = build_tables(lab, ANGLES, 2.0 / 9.0, steps=1)
+    parameters = dataclasses.replace(DEFAULT, compass_sensor=False)
+    pose_filter = PoseFilter(lab, tables, parameters)
+    run = Run(lab, pose_filter, (5.0, 5.0, 0.0), parameters)
+    for _ in range(60):
+        run.step()
+        assert not pose_filter.estimate().certain
+    weights = pose_filter.belief.square_weights()
+    lattice = tables.lattice
+    rows = [np.flatnonzero(np.abs(lattice.y - y) < 1.0 + 1e-9) for y in (5.0, 9.0)]
+    assert weights[rows[0]].sum() > 0.2
+    assert weights[rows[0]] == pytest.approx(weights[rows[1]], rel=1e-3)
+
+
+def test_goto_arrives_and_sets_its_leds(small_lab, staged):
+    run = Run(small_lab, staged, (1.0, 4.2, 77.0), drive="goto", goal=(7.0, 5.0))
+    decisions = []
+    for _ in range(400):
+        pose = run.step()
+        decisions.append(run.decision)
+        if run.decision.finished:
+            break
+    assert run.decision.finished == "arrived"
+    assert run.decision.end_led
+    assert any(decision.visiting_led for decision in decisions)
+    assert math.hypot(pose[0] - 7.0, pose[1] - 5.0) < 0.3
+    assert run.simulation.robots[0].collisions == 0
+
+
+def test_active_stops_when_it_knows(small_lab, staged):
+    run = Run(small_lab, staged, (6.8, 1.2, -130.0), drive="active")
+    for _ in range(150):
+        pose = run.step()
+    assert run.decision.finished == "localized"
+    assert run.command == (0.0, 0.0)
+    assert run.errors(pose)[0] < 0.2
+
+
+def test_smoothing_knows_the_start_that_filtering_could_not(small_lab, fine_tables, staged):
+    run = Run(small_lab, staged, (1.0, 4.2, 77.0))
+    cells = []
+    for _ in range(90):
+        pose = run.step()
+        cell = (int(pose[1] // 2), int(pose[0] // 2))
+        if not cells or cells[-1] != cell:
+            cells.append(cell)
+    filtered = cell_beliefs(small_lab, fine_tables, DEFAULT, run.history)
+    smoothed = cell_beliefs(small_lab, fine_tables, DEFAULT, run.history, smooth=True)
+    for blocks in (filtered, smoothed):
+        assert blocks.shape[1:] == (3, 4)
+        assert blocks.sum(axis=(1, 2)) == pytest.approx(1.0)
+    start = cells[0]
+    assert filtered[1][start] < 0.9
+    assert smoothed[1][start] > 0.99
+    found = [np.unravel_index(block.argmax(), block.shape) for block in smoothed[1:]]
+    assert found == cells

@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from agent.pose_filter.cache import cached_tables, read_tables, table_key, write_tables
+from agent.pose_filter.distance_table import tabulate_distances
+from agent.pose_filter.lattice import build_lattice
+from agent.pose_filter.reading_codes import ReadingCodes, code_distances, encode
+from agent.pose_filter.tables import BINS, build_tables
+from agent.pose_filter.worker import TableWorker
+from ciberrato.geometry import WallMap
+from ciberrato.infrared import ideal_reading, reading_log_likelihood, sensor_distances
+from ciberrato.labfile import read_lab
+from maps import find_lab
+
+
+def test_distances_equal_those_of_the_sensor_model(small_lab):
+    walls = WallMap.from_lab(small_lab)
+    lattice = build_lattice(small_lab, 2.0 / 9.0)
+    directions = np.deg2rad(np.arange(0.0, 360.0, 7.5) + 0.3)
+    table = tabulate_distances(walls, lattice.representative, directions)
+    places = lattice.representative
+    expected = sensor_distances(walls, places[:, 0], places[:, 1], directions[:, np.newaxis])
+    assert table == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_lattice_keeps_exactly_the_squares_with_free_poses(small_lab):
+    lattice = build_lattice(small_lab, 0.1)
+    walls = WallMap.from_lab(small_lab)
+    assert walls.distance(*lattice.representative.T).min() >= 0.5 - 1e-6
+    kept = {(round(x, 3), round(y, 3)) for x, y in zip(lattice.x, lattice.y, strict=True)}
+    generator = np.random.default_rng(3)
+    x, y = generator.uniform(0.5, 7.5, 3000), generator.uniform(0.5, 5.5, 3000)
+    inside = walls.point_in_polygons(x, y)
+    for px, py in zip(x[~inside], y[~inside], strict=True):
+        if walls.distance(px, py) >= 0.5:
+            node = (round(round((px - 1) / 0.1) * 0.1 + 1, 3), round(round((py - 1) / 0.1) * 0.1 + 1, 3))
+            assert node in kept
+
+
+def test_cell_centres_are_nodes_of_both_lattices(small_lab):
+    for resolution in (2.0 / 9.0, 0.1):
+        lattice = build_lattice(small_lab, resolution)
+        for x, y in ((1.0, 1.0), (7.0, 5.0), (3.0, 3.0)):
+            assert np.hypot(lattice.x - x, lattice.y - y).min() < 1e-9
+
+
+def test_rows_that_look_alike_get_identical_tables():
+    lab = read_lab(find_lab("twins"))
+    tables = build_tables(lab, (0.0, 60.0, -60.0, 180.0), 2.0 / 9.0, steps=1)
+    lattice = tables.lattice
+    rows = [np.flatnonzero(np.abs(lattice.y - y) < 1.0 + 1e-9) for y in (3.0, 11.0)]
+    assert len(rows[0]) == len(rows[1]) > 100
+    assert np.array_equal(tables.codes[0][:, rows[0]], tables.codes[0][:, rows[1]])
+
+
+def test_neighbours_are_the_squares_beside(fine_tables):
+    lattice = fine_tables.lattice
+    for dx, dy in ((1, 0), (0, -1), (2, 2)):
+        other = lattice.neighbours(dx, dy)
+        free = other < lattice.size
+        assert lattice.x[other[free]] == pytest.approx(lattice.x[free] + dx * 0.1)
+        assert lattice.y[other[free]] == pytest.approx(lattice.y[free] + dy * 0.1)
+        places = {(round(x, 3), round(y, 3)) for x, y in zip(lattice.x, lattice.y, strict=True)}
+        for x, y in zip(lattice.x[~free], lattice.y[~free], strict=True):
+            assert (round(x + dx * 0.1, 3), round(y + dy * 0.1, 3)) not in places
+
+
+def test_views_give_the_code_of_each_sensor_at_the_nearest_direction(small_lab, fine_tables):
+    lattice, walls = fine_tables.lattice, WallMap.from_lab(small_lab)
+    offset = math.radians(-3.6)  # -2.5 is the nearest direction
+    square = int(np.hypot(lattice.x - 3.0, lattice.y - 1.0).argmin())
+    for sensor, angle in enumerate((0.0, 60.0, -60.0, 180.0)):
+        for row in (0, 17, 71):
+            direction = math.radians(5.0 * row - 2.5 + angle)
+            distance = sensor_distances(walls, 3.0, 1.0, direction)
+            code = fine_tables.view(sensor, offset)[row, square]
+            assert code == encode(np.asarray(distance))
+    assert fine_tables.view(0, offset).shape == (BINS, lattice.size)
+
+
+def test_sensors_between_the_directions_get_tables_of_their_own(small_lab):
+    walls = WallMap.from_lab(small_lab)
+    tables = build_tables(small_lab, (0.0, 61.0, -61.0, 180.0), 2.0 / 9.0, steps=1)
+    assert len(tables.codes) == 3
+    square = int(np.hypot(tables.lattice.x - 3.0, tables.lattice.y - 1.0).argmin())
+    for sensor, angle in ((1, 61.0), (2, -61.0)):
+        distance = sensor_distances(walls, 3.0, 1.0, math.radians(30.0 + angle))
+        assert tables.view(sensor, 0.0)[6, square] == encode(np.asarray(distance))
+
+
+def test_codes_are_as_fine_as_readings_are_noisy():
+    distances = code_distances()
+    assert np.array_equal(encode(distances), np.arange(256))
+    readings = 1.0 / distances
+    near_one = np.abs(readings - 1.0).argmin()
+    assert np.diff(readings)[near_one] < 0.1 / 2
+    assert encode(np.array([np.inf, 0.0, 1000.0])).tolist() == [255, 255, 0]
+
+
+def test_the_likelihood_of_a_square_is_the_mean_over_its_distances():
+    codes = ReadingCodes(noise=0.1, place=0.15, turn=0.05, outlier=1e-9)
+    distance = code_distances()
+    quantiles = np.array([NormalDist().inv_cdf((k + 0.5) / 400) for k in range(400)])[:, np.newaxis]
+    for reading in (0.4, 2.0, 6.3):
+        spread = np.sqrt((0.15**2 + (0.05 * distance) ** 2) / 12.0)
+        samples = np.maximum(distance + spread * quantiles, 1e-3)
+        mass = np.exp(reading_log_likelihood(reading, ideal_reading(samples), 0.1)).mean(axis=0)
+        got = np.exp(codes.log_likelihood(reading))
+        likely = mass > 0.02 * mass.max()
+        assert got[likely] == pytest.approx((mass / mass.max())[likely], rel=0.15, abs=0.02)
+
+
+def test_no_reading_rules_a_state_out():
+    codes = ReadingCodes(noise=0.1, place=0.15, turn=0.05, outlier=0.02)
+    for reading in (-0.3, 0.0, 1.0, 57.0, 130.0):
+        assert np.isfinite(codes.log_likelihood(reading)).all()
+
+
+def test_tables_come_back_from_disk_as_they_were(small_lab, coarse_tables, tmp_path):
+    path = tmp_path / "below" / "tables.npz"
+    write_tables(path, coarse_tables)
+    back = read_tables(path)
+    assert back is not None
+    assert np.array_equal(back.codes[0], coarse_tables.codes[0])
+    assert back.sensors == coarse_tables.sensors
+    for field in dataclasses.fields(coarse_tables.lattice):
+        if not field.name.startswith("_"):
+            assert np.array_equal(
+                getattr(back.lattice, field.name), getattr(coarse_tables.lattice, field.name)
+            ), field.name
+
+
+@pytest.mark.parametrize("damage", [b"", b"no archive", None])
+def test_a_damaged_file_is_computed_again(small_lab, tmp_path, damage):
+    tables = cached_tables(small_lab, (0.0,), 0.5, steps=1, folder=tmp_path)
+    path = next(tmp_path.glob("*.npz"))
+    path.write_bytes(path.read_bytes()[:-300] if damage is None else damage)
+    assert read_tables(path) is None
+    again = cached_tables(small_lab, (0.0,), 0.5, steps=1, folder=tmp_path)
+    assert np.array_equal(again.codes[0], tables.codes[0])
+    assert read_tables(path) is not None
+
+
+def test_the_key_changes_with_what_the_tables_depend_on(small_lab):
+    key = table_key(small_lab, (0.0, 90.0), 0.1, 2)
+    assert key == table_key(dataclasses.replace(small_lab, name="other"), (0.0, 90.0), 0.1, 2)
+    assert key != table_key(small_lab, (0.0, 91.0), 0.1, 2)
+    assert key != table_key(small_lab, (0.0, 90.0), 0.2, 2)
+    assert key != table_key(dataclasses.replace(small_lab, walls=small_lab.walls[1:]), (0.0, 90.0), 0.1, 2)
+
+
+def test_the_worker_computes_in_another_process_and_keeps_the_tables(small_lab, tmp_path):
+    seen = []
+    worker = TableWorker(
+        small_lab, (0.0,), coarse=0.5, fine=0.25, folder=tmp_path, progress=lambda *step: seen.append(step)
+    )
+    worker.start()
+    assert worker.wait(60.0)
+    assert worker.error is None
+    assert worker.fine is not None
+    expected = build_tables(small_lab, (0.0,), 0.25)
+    assert np.array_equal(worker.fine.codes[0], expected.codes[0])
+    assert [which for which, _ in seen] == sorted(which for which, _ in seen)
+    assert seen[-1] == ("fine", 1.0)
+    assert len(list(tmp_path.glob("*.npz"))) == 2
