@@ -70,3 +70,20 @@ def test_the_wire_changes_nothing(transport, lab_name, seed, tmp_path):
     assert len(readings) == here.expected_steps
     expected = localize(readings, compute_ground_truth(lab, ANGLES, Parameters())).beliefs
     np.testing.assert_allclose(beliefs, expected, atol=0.00051)
+
+
+@pytest.mark.slow
+def test_a_run_that_is_watched_ends_as_any_other(tmp_path):
+    words = ["--lab", "corridors", "--grid", "corridors", "--seed", "7", "--port", "0", "--autostart", "1"]
+    words += ["--bind", "127.0.0.1", "--lockstep", "--speed", "20"]
+    with running("simulator_stub", *words, folder=tmp_path) as simulator:
+        port = next(found[1] for line in simulator.stdout if (found := re.search(r"udp .*:(\d+)", line)))
+        agent_words = ["-h", f"127.0.0.1:{port}", "-m", "corridors", "--watch", "--exit-at-wall"]
+        with running("agent", *agent_words, folder=tmp_path) as agent:
+            output = agent.stdout.read()
+            assert agent.wait() == 0, output
+    assert output.startswith("\x1b[2J")
+    assert "interrupted" not in output
+    screens, _, end = output.partition("localization.out: prior and 14 steps")
+    assert "ciberrato in corridors_lab.xml: cycle" in screens
+    assert "(27, 7)" in end
