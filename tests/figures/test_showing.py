@@ -177,7 +177,7 @@ def test_watch_once_shows_the_last_belief(run):
 def test_watch_ends_when_nothing_comes(tmp_path):
     out = io.StringIO()
     watch(tmp_path / "never.jsonl", read_lab(find_lab("standard")), out=out, idle_limit=0.05)
-    assert out.getvalue() == ""
+    assert out.getvalue() == "\x1b[2J"
 
 
 def test_the_track_ends_in_the_most_likely_cell(run):
