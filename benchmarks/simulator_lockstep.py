@@ -79,8 +79,8 @@ def simulator(cycles: int, robots: int, *options: str) -> Iterator[int]:
         command = [sys.executable, "-m", "simulator_stub", "--lab", "maze", "--grid", grid, "--seed", "1"]
         command += ["--param", str(parameters), "--lockstep", "--exit-at-end", "--autostart", str(robots)]
         command += ["--bind", "127.0.0.1", "--port", "0", *options]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as
-        process:
+        quiet = subprocess.DEVNULL
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=quiet, text=True) as process:
             assert process.stdout is not None
             lines = [process.stdout.readline() for _ in range(3)]
             try:

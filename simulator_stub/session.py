@@ -43,10 +43,16 @@ from simulator_stub.records import Recorder
 from simulator_stub.seats import QUEUE_LIMIT, RobotSeat, ViewSeat
 from simulator_stub.simulation import Simulation
 from simulator_stub.simulator_state import SimulatorState
-from simulator_stub.transports import Newcomer
+from simulator_stub.transports import Newcomer, Peer
 
 NAME_LIMIT = 600
 """Characters of a robot's name. The real simulator survives 600 and dies of 850; we refuse what is longer."""
+
+VIEW_LIMIT = 64
+"""Views and panels at a time. The real simulator takes any number, until it has no sockets left."""
+
+COMPLAINT_LIMIT = 20
+"""Broken messages that people are told of, until the next Reset."""
 
 
 class Session:
@@ -81,6 +87,8 @@ class Session:
         self.recorders = recorders
         self.robots: dict[int, RobotSeat] = {}
         self.views: list[ViewSeat] = []
+        self._panels: list[Peer] = []
+        self._complaints = 0
         self._autostart = autostart
         self._autostarted = False
         self._closed = False
@@ -145,7 +153,7 @@ class Session:
             while seat.messages:
                 message = seat.messages.popleft()
                 if isinstance(message, ProtocolError):
-                    self._notify(f"robot {robot_id}: {message}")
+                    self._complain(f"robot {robot_id}: {message}")
                     break
                 self.simulation.act(robot_id, message)
 
@@ -158,25 +166,33 @@ class Session:
             try:
                 registration = decode_registration(data)
             except ProtocolError as error:
-                self._notify(f"registration from {newcomer.label}: {error}")
+                self._complain(f"registration from {newcomer.label}: {error}")
                 break
-            self._register(newcomer, registration)
+            try:
+                peer = newcomer.accept()
+            except OSError as error:  # no socket to be had
+                self._complain(f"registration from {newcomer.label}: {error.strerror}")
+                break
+            self._register(peer, registration)
 
-    def _register(self, newcomer: Newcomer, registration: Registration) -> None:
-        peer = newcomer.accept()
+    def _register(self, peer: Peer, registration: Registration) -> None:
         if isinstance(registration, ViewRegistration | PanelRegistration):
+            self._panels = [panel for panel in self._panels if not panel.closed]
+            if len(self.views) + len(self._panels) >= VIEW_LIMIT:
+                self._refuse(peer, "a view: there are too many")
+                return
             if isinstance(registration, ViewRegistration):
                 self.simulation.note_client()
                 self.views.append(ViewSeat(peer))
+            else:
+                self._panels.append(peer)
             peer.send(self._reply)
             return
         robot_id = None
         if len(registration.name or "") <= NAME_LIMIT:
             robot_id = self.simulation.register(registration)
         if robot_id is None:
-            peer.send(encode(Refusal()))
-            peer.close()
-            self._notify(f"refused a robot at position {registration.robot_id} from {peer.label}")
+            self._refuse(peer, f"a robot at position {registration.robot_id}")
             return
         if isinstance(registration, RobotBeaconRegistration):
             self._lab = encode(self.simulation.lab_shown())
@@ -185,12 +201,25 @@ class Session:
         peer.send(self._reply)
         self._notify(f"robot {robot_id}, {registration.name!r}, registered from {peer.label}")
 
+    def _refuse(self, peer: Peer, who: str) -> None:
+        peer.send(encode(Refusal()))
+        peer.close()
+        self._complain(f"refused {who}, from {peer.label}")
+
+    def _complain(self, line: str) -> None:
+        """Tell people what somebody else did wrong, but not without end."""
+        self._complaints += 1
+        if self._complaints <= COMPLAINT_LIMIT:
+            self._notify(line)
+        if self._complaints == COMPLAINT_LIMIT:
+            self._notify("from here on, what is broken or refused is not reported")
+
     def _read_commands(self) -> None:
         for view in tuple(self.views):
             while view.messages:
                 message = view.messages.popleft()
                 if isinstance(message, ProtocolError):
-                    self._notify(f"view at {view.peer.label}: {message}")
+                    self._complain(f"view at {view.peer.label}: {message}")
                     break
                 self._obey(view, message)
                 if not self.views:  # a Reset has forgotten them all, this one too
@@ -237,9 +266,11 @@ class Session:
         for view in self.views:
             view.peer.send(encode(Restart()))
             view.peer.close()
-        for seat in self.robots.values():
-            seat.peer.close()
+        for peer in (*self._panels, *(seat.peer for seat in self.robots.values())):
+            peer.close()
         self.views = []
+        self._panels = []
+        self._complaints = 0
         self.robots = {}
         self._autostarted = False
         self.simulation.reset(seed)

@@ -20,7 +20,7 @@ from ciberrato.protocol import (
     encode,
 )
 from ciberrato.startgrid import StartGrid
-from simulator_stub.session import Session
+from simulator_stub.session import COMPLAINT_LIMIT, VIEW_LIMIT, Session
 from simulator_stub.simulation import Simulation
 from simulator_stub.simulator_state import SimulatorState
 
@@ -267,3 +267,51 @@ def test_a_flood_of_messages_is_bounded(session: Session, join: Any, newcomer: A
     robot.received.clear()
     session.cycle()
     assert kinds(robot) == ["Measures"]
+
+
+def test_views_and_panels_are_taken_up_to_a_limit(session: Session, join: Any) -> None:
+    views = [join(b"<View/>") for _ in range(VIEW_LIMIT - 1)]
+    panel = join(b"<Panel/>")
+    session.cycle()
+    assert len(session.views) == VIEW_LIMIT - 1
+    refused = [join(b"<View/>"), join(b"<Panel/>")]
+    session.cycle()
+    assert [received(peer) for peer in refused] == [[Refusal()]] * 2
+    assert all(peer.closed for peer in refused)
+    panel.close()
+    views[0].close()
+    session.cycle()
+    again = [join(b"<View/>"), join(b"<Panel/>")]
+    session.cycle()
+    assert all(isinstance(received(peer)[0], Acceptance) for peer in again)
+
+
+def test_people_are_not_told_of_broken_messages_without_end(
+    open_lab: Lab, three_places: StartGrid, quiet: Parameters, newcomer: Any
+) -> None:
+    lines: list[str] = []
+    session = Session(Simulation(open_lab, three_places, quiet), notify=lines.append)
+    for _ in range(100):
+        session.welcome(newcomer(), b"<Rat/>")
+        session.cycle()
+    assert len(lines) == COMPLAINT_LIMIT + 1
+    session.reset()
+    session.welcome(newcomer(), b"<Rat/>")
+    session.cycle()
+    assert "Rat" in lines[-1]
+
+
+def test_where_no_socket_is_left_the_simulator_goes_on(session: Session, join: Any, newcomer: Any) -> None:
+    robot = join(ROBOT % (1, 1))
+    session.cycle()
+    unlucky = newcomer()
+
+    def accept() -> None:
+        raise OSError(24, "Too many open files")
+
+    unlucky.accept = accept
+    session.welcome(unlucky, ROBOT % (2, 2))
+    robot.received.clear()
+    session.cycle()
+    assert kinds(robot) == ["Measures"]
+    assert list(session.robots) == [1]
