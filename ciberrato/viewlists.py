@@ -27,7 +27,7 @@ Seen = tuple[float, float, float, float, float]
 _HALF_APERTURE = math.pi / 6
 _MARGIN = 1e-6
 """Far above rounding errors, in units and in radians."""
-_LONGEST = 24
+LONGEST = 24
 """Faces in a list; few sensors look as far as the last of them."""
 _MAX_SQUARES = 8192
 
@@ -83,44 +83,49 @@ class ViewLists:
             sectors = self._squares[key] = self._list(*key)
         return sectors[math.floor(direction * SECTORS_PER_RADIAN) % SECTORS]
 
-    def select(self, column: int, row: int) -> tuple[Indices, Floats, Booleans]:
-        """Find out what can be seen from one square.
+    def select(self, column: Indices, row: Indices) -> tuple[Indices, Floats, Booleans]:
+        """Find out what can be seen from squares.
 
         Parameters
         ----------
-        column, row : int
-            Its lower left corner in half units.
+        column, row : array of int, shape (n,)
+            Their lower left corners in half units.
 
         Returns
         -------
-        faces : array of int, shape (faces,)
+        faces : array of int, shape (n, faces)
             All faces, by ascending bound.
-        bounds : array, shape (faces,)
+        bounds : array, shape (n, faces)
             Lower bounds of their distances from any point in the square.
-        ahead : array of bool, shape (SECTORS, faces)
+        ahead : array of bool, shape (n, SECTORS, faces)
             Whether a cone can meet them; sector s begins at s times 45 degrees, counter-clockwise.
         """
         size = 1.0 / SQUARES_PER_UNIT
-        centre = np.array([(column + 0.5) * size, (row + 0.5) * size])
+        centre = np.stack(((column + 0.5) * size, (row + 0.5) * size), axis=-1)[:, np.newaxis]
         start, end = self._start - centre, self._end - centre
-        along = -(start * self._direction).sum(axis=1)
-        along = np.minimum(np.maximum(along, 0.0), self._length)[:, np.newaxis]
+        along = -(start * self._direction).sum(axis=-1)
+        along = np.minimum(np.maximum(along, 0.0), self._length)[..., np.newaxis]
         nearest = start + along * self._direction
-        bounds = np.hypot(nearest[:, 0], nearest[:, 1]) - (size * math.sqrt(0.5) + _MARGIN)
-        order = np.argsort(bounds, kind="stable")
-        across_x, across_y = self._across_x[..., np.newaxis], self._across_y[..., np.newaxis]
-        limit = -size / 2.0 * (np.abs(across_x) + np.abs(across_y)) - _MARGIN
-        inside = across_x * start[order, 0] + across_y * start[order, 1] >= limit
-        inside |= across_x * end[order, 0] + across_y * end[order, 1] >= limit
-        return order, bounds[order], inside.all(axis=0)
+        bounds = np.hypot(nearest[..., 0], nearest[..., 1]) - (size * math.sqrt(0.5) + _MARGIN)
+        order = np.argsort(bounds, axis=-1, kind="stable")
+        start = np.take_along_axis(start, order[..., np.newaxis], axis=1)
+        end = np.take_along_axis(end, order[..., np.newaxis], axis=1)
+        ahead = np.ones((column.size, SECTORS, bounds.shape[-1]), np.bool_)
+        for across_x, across_y in zip(self._across_x, self._across_y, strict=True):
+            x, y = across_x[:, np.newaxis], across_y[:, np.newaxis]
+            limit = -size / 2.0 * (np.abs(x) + np.abs(y)) - _MARGIN
+            inside = x * start[:, np.newaxis, :, 0] + y * start[:, np.newaxis, :, 1] >= limit
+            inside |= x * end[:, np.newaxis, :, 0] + y * end[:, np.newaxis, :, 1] >= limit
+            ahead &= inside
+        return order, np.take_along_axis(bounds, order, axis=1), ahead
 
     def _list(self, column: int, row: int) -> list[tuple[list[float], list[Seen], float]]:
-        order, bounds, ahead = self.select(column, row)
+        (order,), (bounds,), (ahead,) = self.select(np.array([column]), np.array([row]))
         lists = []
         for sector in range(SECTORS):
             chosen = np.flatnonzero(ahead[sector])
-            reach = float(bounds[chosen[_LONGEST]]) if chosen.size > _LONGEST else math.inf
-            chosen = chosen[:_LONGEST]
+            reach = float(bounds[chosen[LONGEST]]) if chosen.size > LONGEST else math.inf
+            chosen = chosen[:LONGEST]
             faces = [self.all_faces[face] for face in order[chosen].tolist()]
             lists.append((bounds[chosen].tolist(), faces, reach))
         return lists

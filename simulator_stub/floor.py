@@ -24,6 +24,13 @@ class Floor:
     ----------
     lab : Lab
         Its walls count whatever their height; its border does not.
+
+    Attributes
+    ----------
+    squares : dict of (column, row) to tuple of polygons
+        What may be marked in each square; squares without are not listed.
+    near_squares : set of (column, row)
+        The squares listed there, and those around them.
     """
 
     def __init__(self, lab: Lab) -> None:
@@ -34,18 +41,18 @@ class Floor:
             for column in range(math.floor(min(xs)), math.floor(max(xs)) + 1):
                 for row in range(math.floor(min(ys)), math.floor(max(ys)) + 1):
                     squares[column, row].append(wall.corners)
-        self._squares = {square: tuple(polygons) for square, polygons in squares.items()}
-        self._near = {
+        self.squares = {square: tuple(polygons) for square, polygons in squares.items()}
+        self.near_squares = {
             (column + right, row + up) for column, row in squares for right in _AROUND for up in _AROUND
         }
 
     def is_near_mark(self, x: float, y: float) -> bool:
         """Whether any point within `NEAR` of one may be marked."""
-        return (math.floor(x * SQUARES_PER_UNIT), math.floor(y * SQUARES_PER_UNIT)) in self._near
+        return (math.floor(x * SQUARES_PER_UNIT), math.floor(y * SQUARES_PER_UNIT)) in self.near_squares
 
     def is_marked(self, x: float, y: float) -> bool:
         """Whether a point is inside any polygon, by the even-odd rule."""
-        polygons = self._squares.get((math.floor(x * SQUARES_PER_UNIT), math.floor(y * SQUARES_PER_UNIT)))
+        polygons = self.squares.get((math.floor(x * SQUARES_PER_UNIT), math.floor(y * SQUARES_PER_UNIT)))
         return polygons is not None and any(_inside(x, y, polygon) for polygon in polygons)
 
 

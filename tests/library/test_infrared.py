@@ -94,7 +94,7 @@ def test_one_robot_and_many_agree(shipped, rng, name):
 
 
 def test_one_robot_sees_beyond_the_list_of_near_faces(monkeypatch, clutter, rng):
-    monkeypatch.setattr("ciberrato.viewlists._LONGEST", 4)
+    monkeypatch.setattr("ciberrato.viewlists.LONGEST", 4)
     walls = WallMap.from_lab(clutter)
     x, y, direction = poses(walls, rng, 100)
     single = [

@@ -1,0 +1,247 @@
+# mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, disallow-untyped-decorators=False
+# The types are those of numba, which infers them.
+"""The arithmetic of one cycle, robot by robot, in machine code made by numba.
+
+The same operations in the same order as in `ciberrato.singlecone`, `ciberrato.nearby` and the sensors of a
+single simulation give the same numbers to the last bit. What is not decided here is marked.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET
+from ciberrato.kinematics import ROBOT_RADIUS
+from ciberrato.singlecone import BEYOND, COS, TAN
+from ciberrato.viewcone import IN_LINE
+from ciberrato.viewlists import LONGEST, SECTORS, SECTORS_PER_RADIAN, SQUARES_PER_UNIT
+from simulator_stub.batch.tables import OUTSIDE, TOUCHED
+from simulator_stub.floor import SQUARES_PER_UNIT as FLOOR_SQUARES_PER_UNIT
+from simulator_stub.sensors.line import AHEAD, SIDEWAYS
+
+_SIDEWAYS = np.array(SIDEWAYS)
+_PADDING = OUTSIDE * SQUARES_PER_UNIT
+_TURN = 2 * math.pi
+
+_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
+
+
+@_jit
+def _wrap(angle):
+    if angle > math.pi:
+        return angle - _TURN
+    if angle < -math.pi:
+        return angle + _TURN
+    return angle
+
+
+@_jit
+def _row_at(row_of, x, y):
+    column = math.floor(x * SQUARES_PER_UNIT) + _PADDING
+    row = math.floor(y * SQUARES_PER_UNIT) + _PADDING
+    if 0 <= row < row_of.shape[0] and 0 <= column < row_of.shape[1]:
+        return row_of[row, column]
+    return -1
+
+
+@_jit
+def move(
+    pose,
+    motors,
+    collides,
+    collisions,
+    deviation,
+    noise,
+    faces,
+    row_of,
+    touched,
+    touched_count,
+    wanted,
+    undecided,
+):
+    """Move all robots; returns how many are undecided, with `wanted` the places where they would be."""
+    xs, ys, headings = pose
+    left_command, right_command, left_output, right_output = motors
+    count = 0
+    for robot in range(xs.size):
+        right = (right_command[robot] + right_output[robot]) / 2.0
+        left = (left_command[robot] + left_output[robot]) / 2.0
+        if deviation > 0.0:
+            right *= 1.0 + deviation * noise[robot, 0]
+            left *= 1.0 + deviation * noise[robot, 1]
+        right_output[robot] = right
+        left_output[robot] = left
+        speed = (right + left) / 2.0
+        heading = headings[robot]
+        x = xs[robot] + speed * math.cos(heading)
+        y = ys[robot] + speed * math.sin(heading)
+        headings[robot] = _wrap(heading + (right - left))
+        row = _row_at(row_of, x, y)
+        if row < 0 or touched_count[row] > TOUCHED:
+            undecided[robot] = True
+            wanted[0, robot] = x
+            wanted[1, robot] = y
+            count += 1
+            continue
+        touches = False
+        for index in range(touched_count[row]):
+            if _touches(faces, touched[row, index], x, y):
+                touches = True
+                break
+        if touches:
+            if not collides[robot]:
+                collisions[robot] += 1
+        else:
+            xs[robot] = x
+            ys[robot] = y
+        collides[robot] = touches
+    return count
+
+
+@_jit
+def _touches(faces, face, x, y):
+    dx, dy = x - faces[face, 0], y - faces[face, 1]
+    along = dx * faces[face, 7] + dy * faces[face, 8]
+    if along < 0.0:
+        return math.sqrt(dx * dx + dy * dy) < ROBOT_RADIUS
+    if along > faces[face, 4]:
+        dx, dy = x - faces[face, 5], y - faces[face, 6]
+        return math.sqrt(dx * dx + dy * dy) < ROBOT_RADIUS
+    return abs(dx * faces[face, 8] - dy * faces[face, 7]) < ROBOT_RADIUS
+
+
+@_jit
+def infrared(pose, angles, deviation, noise, faces, row_of, seen, readings):
+    """Fill in `readings`; returns how many are undecided, which are nan."""
+    xs, ys, headings = pose
+    count = 0
+    for robot in range(xs.size):
+        for sensor in range(angles.size):
+            axis = _wrap(headings[robot] + angles[sensor])
+            cosine, sine = math.cos(axis), math.sin(axis)
+            x = xs[robot] + SENSOR_OFFSET * cosine
+            y = ys[robot] + SENSOR_OFFSET * sine
+            row = _row_at(row_of, x, y)
+            distance = math.nan
+            if row >= 0:
+                sector = math.floor(axis * SECTORS_PER_RADIAN) % SECTORS
+                distance = _nearest(faces, seen, row, sector, x, y, cosine, sine)
+                if distance > seen[row, sector, LONGEST, 0]:
+                    distance = _nearest_of_all(faces, x, y, cosine, sine)
+            if math.isnan(distance):
+                readings[robot, sensor] = math.nan
+                count += 1
+                continue
+            reading = 1.0 / distance if CONTACT < distance < math.inf else SATURATION
+            if deviation > 0.0:
+                reading += deviation * noise[robot, sensor]
+            readings[robot, sensor] = math.floor(10.0 * reading + 0.5) / 10.0
+    return count
+
+
+@_jit
+def _nearest(faces, seen, row, sector, x, y, cosine, sine):
+    """Distance of the nearest face in a list; nan if the sensor lies on one."""
+    nearest = math.inf
+    for index in range(LONGEST):
+        bound = seen[row, sector, index, 0]
+        if bound >= nearest or bound == math.inf:
+            break
+        nearest = _nearer(faces, int(seen[row, sector, index, 1]), nearest, x, y, cosine, sine)
+        if math.isnan(nearest):
+            break
+    return nearest
+
+
+@_jit
+def _nearest_of_all(faces, x, y, cosine, sine):
+    nearest = math.inf
+    for face in range(faces.shape[0]):
+        nearest = _nearer(faces, face, nearest, x, y, cosine, sine)
+        if math.isnan(nearest):
+            break
+    return nearest
+
+
+@_jit
+def _nearer(faces, face, nearest, x, y, cosine, sine):
+    """Distance of a face where it is nearer, else the distance that is given; `ciberrato.singlecone`."""
+    ex, ey = faces[face, 2], faces[face, 3]
+    dx, dy = faces[face, 0] - x, faces[face, 1] - y
+    area = dx * ey - dy * ex
+    limit = nearest * BEYOND * faces[face, 4]
+    if not -limit < area < limit:
+        return nearest
+    v, ve = dy * cosine - dx * sine, ey * cosine - ex * sine
+    u_tan, ue_tan = (dx * cosine + dy * sine) * TAN, (ex * cosine + ey * sine) * TAN
+    lo, lo_slope = v - u_tan, ve - ue_tan
+    hi, hi_slope = v + u_tan, ve + ue_tan
+    lo_end, hi_end = lo + lo_slope, hi + hi_slope
+    if -IN_LINE < area < IN_LINE:
+        if dx * dx + dy * dy + dx * ex + dy * ey <= IN_LINE:
+            return math.nan
+        area = math.inf
+    elif (lo > 0.0 and lo_end > 0.0) or (hi <= 0.0 and hi_end <= 0.0):
+        return nearest
+    if lo <= 0.0 < hi:
+        nearest = min(nearest, math.sqrt(dx * dx + dy * dy))
+    if (v > 0.0) != (v + ve > 0.0):
+        distance = area / ve
+        if 0.0 <= distance < nearest:
+            nearest = distance
+    if (lo > 0.0) != (lo_end > 0.0):
+        distance = area / (lo_slope * COS)
+        if 0.0 <= distance < nearest:
+            nearest = distance
+    if (hi > 0.0) != (hi_end > 0.0):
+        distance = area / (hi_slope * COS)
+        if 0.0 <= distance < nearest:
+            nearest = distance
+    return nearest
+
+
+@_jit
+def line(pose, right_probability, noise, floor, marks):
+    """Fill in `marks`; `floor` is a tuple of what a `FloorTables` has."""
+    xs, ys, headings = pose
+    origin_column, origin_row, near, first, polygons, corner_first, corners = floor
+    for robot in range(xs.size):
+        cosine, sine = math.cos(headings[robot]), math.sin(headings[robot])
+        ahead_x = xs[robot] + AHEAD * cosine
+        ahead_y = ys[robot] + AHEAD * sine
+        column = math.floor(ahead_x * FLOOR_SQUARES_PER_UNIT) - origin_column
+        row = math.floor(ahead_y * FLOOR_SQUARES_PER_UNIT) - origin_row
+        looks = 0 <= row < near.shape[0] and 0 <= column < near.shape[1] and near[row, column]
+        for element in range(_SIDEWAYS.size):
+            mark = False
+            if looks:
+                x = ahead_x - _SIDEWAYS[element] * sine
+                y = ahead_y + _SIDEWAYS[element] * cosine
+                column = math.floor(x * FLOOR_SQUARES_PER_UNIT) - origin_column
+                row = math.floor(y * FLOOR_SQUARES_PER_UNIT) - origin_row
+                if 0 <= row < near.shape[0] and 0 <= column < near.shape[1]:
+                    for index in range(first[row, column], first[row, column + 1]):
+                        polygon = polygons[index]
+                        if _inside(corners, corner_first[polygon], corner_first[polygon + 1], x, y):
+                            mark = True
+                            break
+            if right_probability < 1.0 and noise[robot, element] >= right_probability:
+                mark = not mark
+            marks[robot, element] = mark
+
+
+@_jit
+def _inside(corners, begin, end, x, y):
+    inside = False
+    previous_x, previous_y = corners[end - 1, 0], corners[end - 1, 1]
+    for index in range(begin, end):
+        corner_x, corner_y = corners[index, 0], corners[index, 1]
+        if (corner_y > y) != (previous_y > y):
+            crossing = corner_x + (y - corner_y) * (previous_x - corner_x) / (previous_y - corner_y)
+            if x < crossing:
+                inside = not inside
+        previous_x, previous_y = corner_x, corner_y
+    return inside
