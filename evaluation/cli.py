@@ -48,6 +48,8 @@ def _run(options: argparse.Namespace) -> int:
     from evaluation.report import draw_figures, group_by, kidnapping_line, table
     from evaluation.runner import read_results, run_tasks
 
+    if options.replay is not None:
+        return _replay(options)
     if options.report:
         results = read_results(options.output)
         if not results:
@@ -70,6 +72,18 @@ def _run(options: argparse.Namespace) -> int:
     if options.figures is not None:
         for path in draw_figures(groups, options.figures):
             print(path)
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from ciberrato.labfile import read_lab
+    from evaluation.replay import replay
+    from maps import find_lab
+
+    lab = read_lab(find_lab((options.lab or ["standard"])[0]))
+    for folder in options.replay:
+        for line in replay(folder, lab):
+            print(line)
     return 0
 
 
@@ -158,6 +172,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--kidnap", type=int, default=0, metavar="CYCLE", help="put the robot elsewhere before that cycle")
     add("--output", type=Path, default=Path("evaluation.jsonl"), metavar="FILE", help="outcomes, added to")
     add("--report", action="store_true", help="run nothing, sum up what the output file holds")
+    add("--replay", nargs="+", type=Path, metavar="DIR", help="run the filter over recorded sessions instead")
     add("--by", nargs="+", choices=_GROUPS, default=["start", "parameters", "compass", "drive"])
     add("--figures", type=Path, metavar="DIR", help="draw figures there")
     add("--jobs", type=int, default=0, metavar="N", help="processes; default: one a core")
