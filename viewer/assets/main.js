@@ -128,6 +128,7 @@ const handlers = {
     state.names = new Map(message.robots.map(({ id, name }) => [id, name]));
     state.angles = new Map(message.robots.filter(({ angles }) => angles).map(({ id, angles }) => [id, angles]));
     dirty.events = true;
+    dirty.paint = true;
   },
   frame(message) {
     if (message.epoch !== state.epoch) return;
@@ -189,6 +190,7 @@ const handlers = {
   },
   shapes(message) {
     state.texts = drawShapes(shapeGroup, message.shapes);
+    dirty.paint = true;
   },
 };
 
@@ -319,6 +321,13 @@ function updateLabels(list) {
 
 let lastTime = 0;
 let lastPanels = 0;
+let drawn = null;
+
+/** What the picture depends on, apart from what is marked as dirty; the same again need not be drawn. */
+function pictureKey(now) {
+  if (!state.live) return `${state.t} ${store.times.length}`;
+  return now - tween.start > tween.length ? `live ${tween.start}` : null;
+}
 
 function paintFrame(now) {
   requestAnimationFrame(paintFrame);
@@ -328,6 +337,17 @@ function paintFrame(now) {
   if (state.playing) advance(passed);
   fetchPast();
   const { frame, robots: list } = shown(now);
+  const key = pictureKey(now);
+  const still = key !== null && key === drawn && !state.follow && !dirty.camera && !dirty.paint;
+  drawn = key;
+  if (!still) drawPicture(frame, list, passed);
+  if (now - lastPanels > PANEL_MILLISECONDS) {
+    lastPanels = now;
+    updatePanels(frame);
+  }
+}
+
+function drawPicture(frame, list, passed) {
   const target = state.follow && list.find((robot) => robot.id === state.chosen);
   if (target && target.x !== null) {
     const before = camera.transform;
@@ -356,10 +376,6 @@ function paintFrame(now) {
   if (dirty.paint || !state.live) {
     paint.draw(camera, { lab: state.lab, belief, trails: trails(frame) });
     dirty.paint = false;
-  }
-  if (now - lastPanels > PANEL_MILLISECONDS) {
-    lastPanels = now;
-    updatePanels(frame);
   }
 }
 
@@ -455,6 +471,7 @@ function choose(id) {
   state.chosen = id;
   state.choiceMade = true;
   if (id === null) state.follow = false;
+  dirty.paint = true;
   lastPanels = 0;
 }
 
