@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ciberrato.infrared import CONTACT, SATURATION, distances_at, other_robot_distance
+from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET, distances_at, other_robot_distance
+from ciberrato.kinematics import ROBOT_RADIUS
 from simulator_stub.sensors.base import Delay, Scene, Sensor
 
 if TYPE_CHECKING:
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 
 SENSORS = 4
 INFINITE = math.inf
+
+REACH = SENSOR_OFFSET + ROBOT_RADIUS + 1e-6
+"""Units from a robot's centre to its sensors, and from the other's centre to its rim; and for rounding."""
 
 
 class InfraredSensors(Sensor):
@@ -41,10 +45,13 @@ class InfraredSensors(Sensor):
         directions = [robot.heading + angle for angle in self._angles]
         distances = distances_at(self.world.walls, robot.x, robot.y, directions)
         for other in scene.robots if len(scene.robots) > 1 else ():
-            if other is not robot:
+            # No part of the other is nearer to any sensor than this: mostly a wall is.
+            least = math.hypot(other.x - robot.x, other.y - robot.y) - REACH
+            if other is not robot and least < max(distances):
                 for number, direction in enumerate(directions):
-                    seen = other_robot_distance(robot.x, robot.y, direction, other.x, other.y)
-                    distances[number] = min(distances[number], seen)
+                    if least < distances[number]:
+                        seen = other_robot_distance(robot.x, robot.y, direction, other.x, other.y)
+                        distances[number] = min(distances[number], seen)
         deviation, floor = self._deviation, math.floor
         self.reading = self._delay.pass_through(
             tuple(

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ciberrato.infrared import distances_at, ideal_reading, other_robot_distance, round_reading
 from ciberrato.lab import Beacon, Lab, Target, Wall
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, HeardMessage, Measures, RobotBeaconRegistration, RobotRegistration
@@ -285,3 +286,25 @@ def test_the_log_holds_what_was_not_asked_for() -> None:
     assert len(readings.beacons) == 1
     assert (readings.gps, readings.line) == (measures[1].gps, measures[1].line)
     assert (readings.messages, readings.score) == ((), None)
+
+
+def test_ir_among_many_robots_is_the_least_of_walls_and_robots(quiet: Parameters) -> None:
+    rng = np.random.default_rng(8)
+    seen = 0
+    for _ in range(40):
+        lab = Lab(width=8, height=6)
+        poses = rng.uniform((0.5, 0.5, -180), (7.5, 5.5, 180), (6, 3)).tolist()
+        simulation, measures = simulate(lab, at(*map(tuple, poses)), quiet)  # type: ignore[arg-type]
+        for robot in simulation.robots:
+            directions = [robot.heading + math.radians(angle) for angle in robot.angles]
+            walls = distances_at(simulation.world.walls, robot.x, robot.y, directions)
+            for sensor, direction in enumerate(directions):
+                others = [
+                    other_robot_distance(robot.x, robot.y, direction, other.x, other.y)
+                    for other in simulation.robots
+                    if other is not robot
+                ]
+                seen += min(others) < walls[sensor]
+                expected = round_reading(ideal_reading(min(walls[sensor], *others)))
+                assert measures[robot.robot_id].infrared[sensor] == expected
+    assert seen > 200
