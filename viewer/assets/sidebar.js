@@ -1,0 +1,95 @@
+// Everything around the picture: header, panels, time line.
+
+import { BeliefPanel, drawEvents, drawTicks, RobotList } from "./panels.js";
+import { DEFAULT_ANGLES } from "./robots.js";
+import { $, dirty, link, state, store } from "./state.js";
+import { html, say } from "./svg.js";
+import { choose, seek } from "./time.js";
+
+const PHASES = { empty: "no robots", ready: "ready", running: "running", stopped: "stopped", finished: "finished" };
+
+export const robotList = new RobotList($("robots"), {
+  onChoose: (id) => choose(state.chosen === id ? null : id),
+  onRemove: (id) => confirmed(`Remove ${state.names.get(id) || `robot ${id}`}? It stays out until the simulator is reset.`, "Remove", () => link.send({ do: "remove", robot: id })),
+});
+const beliefPanel = new BeliefPanel({
+  entropy: $("entropy"), best: $("best-cell"), truth: $("true-cell"), modes: $("modes"), curve: $("curve"),
+});
+let ticksFor = "";
+
+export function updatePanels(frame) {
+  const time = state.live ? frame.time : Math.floor(state.t);
+  say($("time"), String(time));
+  say($("sim-time"), state.simTime ? ` / ${state.simTime}` : "");
+  say($("rate"), state.connected && state.live ? (state.rate < 10 ? state.rate.toFixed(1) : state.rate.toFixed(0)) : "–");
+  const phase = $("phase");
+  say(phase, PHASES[frame.phase] ?? frame.phase);
+  phase.dataset.phase = frame.phase;
+  updateStatus();
+  const alive = state.connected && state.connection === "watching";
+  $("start").disabled = !alive || !["ready", "stopped"].includes(state.frame.phase);
+  $("stop").disabled = !alive || state.frame.phase !== "running";
+  $("reset").disabled = !alive;
+  say($("robot-count"), frame.robots.length ? String(frame.robots.length) : "");
+  $("no-robots").hidden = frame.robots.length > 0;
+  robotList.update(frame.robots, {
+    names: state.names, chosen: state.chosen, control: state.control && state.live, reflectors: state.scene,
+    angles: (id) => state.angles.get(id) ?? DEFAULT_ANGLES
+  });
+  updateScrubber(time);
+  const known = state.beliefs.get(state.source);
+  if (known) {
+    const current = state.live ? known.belief : state.past?.source === state.source ? state.past.belief : null;
+    beliefPanel.update(current, known.series, [store.first, Math.max(store.last, 1)], time);
+  }
+  $("follow").setAttribute("aria-pressed", String(state.follow));
+  $("live").setAttribute("aria-pressed", String(state.live));
+  const icon = state.playing ? "#i-pause" : "#i-play";
+  if ($("play").querySelector("use").getAttribute("href") !== icon) $("play").querySelector("use").setAttribute("href", icon);
+  if (dirty.events) {
+    dirty.events = false;
+    drawEvents($("events"), state.marks, state.names, (when) => seek(when));
+    $("no-events").hidden = state.marks.length > 0;
+  }
+}
+
+function updateScrubber(time) {
+  const scrubber = $("scrubber");
+  const last = Math.max(store.last, state.frame.time);
+  scrubber.disabled = last <= 0;
+  if (Number(scrubber.max) !== last) scrubber.max = String(last);
+  if (Number(scrubber.value) !== time) scrubber.value = String(time);
+  scrubber.style.setProperty("--done", `${last > 0 ? 100 * time / last : 0}%`);
+  scrubber.setAttribute("aria-valuetext", `cycle ${time} of ${last}`);
+  const key = `${state.marks.length} ${last}`;
+  if (key !== ticksFor) {
+    ticksFor = key;
+    drawTicks($("ticks"), state.marks, [0, last]);
+  }
+}
+
+function updateStatus() {
+  const status = $("status");
+  const [key, text] = !state.connected ? ["gone", "the viewer process is gone; trying again"]
+    : state.recording ? ["recording", `recorded run ${state.simulator}`]
+      : state.connection === "watching" ? ["watching", `watching ${state.simulator}`]
+        : [state.connection, `looking for a simulator at ${state.simulator}`];
+  status.dataset.state = key;
+  say(status, text);
+  const notice = $("notice");
+  const waiting = state.connected && !state.recording && state.connection !== "watching" && !state.lab;
+  notice.hidden = !waiting;
+  if (waiting && !notice.firstChild) {
+    notice.append(html("b", {}, "No simulator yet"), `Start one, such as ciberrato-simulator; this page goes on by itself when it answers at ${state.simulator}.`);
+  }
+}
+
+/** Ask before something that cannot be taken back. */
+export function confirmed(question, verb, action) {
+  const dialog = $("ask");
+  say($("ask-text"), question);
+  say($("ask-yes"), verb);
+  dialog.returnValue = "no";
+  dialog.onclose = () => dialog.returnValue === "yes" && action();
+  dialog.showModal();
+}
