@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from agent.session import Settings
     from agent.signals import Interrupts
 
-SHOW_COMMANDS = ("draw", "compare", "animate", "watch")
+SHOW_COMMANDS = ("draw", "compare", "animate", "watch", "overlay")
 DEFAULT_MAP = "standard"
 DEFAULT_LOG = Path("run.jsonl")
 
@@ -74,16 +74,22 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
 def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     settings = _settings(options)
     interrupts.arm()
-    if not options.watch:
+    views = []
+    if options.viewer is not None:
+        views.append(["overlay", str(settings.log), "-m", options.map, "--viewer", options.viewer])
+    if options.watch:
+        views.append(["watch", str(settings.log), "-m", options.map])
+    if not views:
         return _drive(options, settings, interrupts)
     import dataclasses
 
-    from agent.showing import watching_beside
+    from agent.showing import beside
 
-    # The screen is the view's until the end: what is to be said is said then.
-    with watching_beside(settings.log, options.map):
-        status = _drive(options, dataclasses.replace(settings, quiet=True), interrupts)
-    if status == 0 and not options.quiet:
+    # The screen is the watch's until the end: what is to be said is said then.
+    quiet = settings.quiet or options.watch
+    with beside(settings.log, *views):
+        status = _drive(options, dataclasses.replace(settings, quiet=quiet), interrupts)
+    if status == 0 and options.watch and not options.quiet:
         from agent.inspection import inspect
 
         inspect(settings.output)
@@ -165,7 +171,8 @@ def _run_parser() -> argparse.ArgumentParser:
         "  ciberrato-agent draw WHAT -m LAB ...     figures of the lab, its sensors, and a run\n"
         "  ciberrato-agent compare FILE FILE        how two belief files differ\n"
         "  ciberrato-agent animate RUN -m LAB       a run as a moving picture\n"
-        "  ciberrato-agent watch RUN -m LAB         a run as it goes on, in the terminal",
+        "  ciberrato-agent watch RUN -m LAB         a run as it goes on, in the terminal\n"
+        "  ciberrato-agent overlay RUN -m LAB       a run as it goes on, in a ciberrato-viewer",
     )
     add = parser.add_argument
     add("-h", "--host", default="127.0.0.1", metavar="HOST[:PORT]", help="default: this machine, port 6000")
@@ -240,6 +247,13 @@ def _run_parser() -> argparse.ArgumentParser:
     )
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--watch", action="store_true", help="show the run on one screen while it goes on")
+    add(
+        "--viewer",
+        nargs="?",
+        const="",
+        metavar="PORT",
+        help="show the belief in a ciberrato-viewer on this machine; default port: 6001",
+    )
     return parser
 
 

@@ -1,4 +1,4 @@
-"""The subcommands that show: ``draw``, ``compare``, ``animate`` and ``watch``."""
+"""The subcommands that show: ``draw``, ``compare``, ``animate``, ``watch`` and ``overlay``."""
 
 from __future__ import annotations
 
@@ -302,27 +302,59 @@ def _end_now(number: int, frame: FrameType | None) -> None:
     os._exit(0)
 
 
+# --- overlay -------------------------------------------------------------------------------------
+
+
+def _overlay_parser() -> OptionParser:
+    parser = OptionParser(
+        f"{PROGRAM} overlay", "Send what a run's agent believes to a ciberrato-viewer. Ctrl-C ends it."
+    )
+    add = parser.add_argument
+    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl; may not exist yet")
+    add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
+    add("--viewer", default="", metavar="PORT", help="where the viewer takes overlays; default: 6001")
+    add("--parent", type=int, metavar="PID", help="end with this process, which has started this one")
+    return parser
+
+
+def _overlay(options: argparse.Namespace) -> None:
+    from agent.overlaying import show_overlays
+    from ciberrato.net.address import parse_address
+    from ciberrato.net.overlay import OverlayClient
+    from ciberrato.overlay import OVERLAY_PORT
+
+    signal.signal(signal.SIGTERM, _end_now)
+    signal.signal(signal.SIGINT, _end_now if options.parent is None else signal.SIG_IGN)
+    lab, _, _ = read_lab_file(options.map)
+    _, port = parse_address(f"127.0.0.1:{options.viewer or OVERLAY_PORT}")
+    with OverlayClient(port=port) as client:
+        show_overlays(options.run, lab, client, parent=options.parent)
+
+
 @contextlib.contextmanager
-def watching_beside(log: Path, lab_name: str) -> Iterator[None]:
-    """Show a run in this terminal, by a process of its own, as long as the block lasts.
+def beside(log: Path, *views: Sequence[str]) -> Iterator[None]:
+    """Show a run by processes of their own as long as the block lasts.
 
     Parameters
     ----------
     log : Path
         Of the run; what an earlier run left there is removed, so that it is not shown.
-    lab_name : str
-        As on the command line.
+    *views : sequence of str
+        Command lines of subcommands that follow the log.
     """
     import subprocess
 
     log.unlink(missing_ok=True)
-    words = ["watch", str(log), "-m", lab_name, "--parent", str(os.getpid())]
-    view = subprocess.Popen([sys.executable, "-m", "agent", *words], stdin=subprocess.DEVNULL)
+    command = [sys.executable, "-m", "agent"]
+    own = ["--parent", str(os.getpid())]
+    processes = [subprocess.Popen([*command, *view, *own], stdin=subprocess.DEVNULL) for view in views]
     try:
         yield
     finally:
-        view.terminate()
-        view.wait()
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait()
 
 
 _COMMANDS: dict[str, tuple[Callable[[], OptionParser], Callable[[argparse.Namespace], None]]] = {
@@ -330,4 +362,5 @@ _COMMANDS: dict[str, tuple[Callable[[], OptionParser], Callable[[argparse.Namesp
     "compare": (_compare_parser, _compare),
     "animate": (_animate_parser, _animate),
     "watch": (_watch_parser, _watch),
+    "overlay": (_overlay_parser, _overlay),
 }

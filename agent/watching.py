@@ -5,18 +5,15 @@ The view is a process of its own that only reads the log, so it cannot hold up t
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from agent.localizer import localize
-from agent.runlog import parse_cycle, parse_header
-from agent.runrecords import Cycle, RecordedRun, RunHeader
+from agent.logfollower import LogFollower, follow
+from agent.runrecords import RecordedRun
 from agent.summary import heat_map, step_table
-from ciberrato.errors import LabError
 
 if TYPE_CHECKING:
     from agent.ground_truth import GroundTruth
@@ -27,66 +24,6 @@ INTERVAL = 0.2
 
 _CLEAR_ALL, _HOME, _CLEAR_LINE, _CLEAR_BELOW = "\x1b[2J", "\x1b[H", "\x1b[K", "\x1b[J"
 _TABLE_ROWS = 5
-
-
-class LogFollower:
-    """Reads a log while it is written, each complete line once.
-
-    Parameters
-    ----------
-    path : Path
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._offset = 0
-        self._rest = b""
-        self._lines = 0
-        self.header: RunHeader | None = None
-        self.cycles: list[Cycle] = []
-
-    @property
-    def run(self) -> RecordedRun | None:
-        """What is there so far; None before the first line is complete."""
-        return None if self.header is None else RecordedRun(self.header, tuple(self.cycles))
-
-    def poll(self) -> bool:
-        """Read what is new.
-
-        Returns
-        -------
-        bool
-            Whether anything was.
-
-        Raises
-        ------
-        LabError
-            If a line is not one of a log.
-        """
-        try:
-            with self._path.open("rb") as stream:
-                if stream.seek(0, os.SEEK_END) < self._offset:
-                    self._begin_again()
-                stream.seek(self._offset)
-                data = stream.read()
-        except FileNotFoundError:
-            return False
-        except OSError as error:
-            raise LabError(f"cannot be read: {error.strerror}", source=str(self._path)) from None
-        self._offset += len(data)
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        for line in lines:
-            self._lines += 1
-            if self.header is None:
-                self.header = parse_header(line, str(self._path))
-            else:
-                self.cycles.append(parse_cycle(line, str(self._path), self._lines))
-        return bool(lines)
-
-    def _begin_again(self) -> None:
-        """Forget everything: another run has begun to write the file."""
-        self._offset, self._rest, self._lines = 0, b"", 0
-        self.header, self.cycles = None, []
 
 
 def watch(
@@ -123,37 +60,33 @@ def watch(
     LabError
         If the file is not the log of a run.
     """
+    out = sys.stdout if out is None else out
+    if once:
+        follower = LogFollower(path)
+        follower.poll()
+        print(_screen_of(follower, lab, None, colour)[0], file=out)
+        return
+    print(_CLEAR_ALL, end="", file=out, flush=True)
+    truth: GroundTruth | None = None
+    for follower in follow(path, interval=INTERVAL, parent=parent, idle_limit=idle_limit):
+        text, truth = _screen_of(follower, lab, truth, colour)
+        lines = text.split("\n")[: shutil.get_terminal_size().lines - 1]
+        print(_HOME + "".join(line + _CLEAR_LINE + "\n" for line in lines) + _CLEAR_BELOW, end="", file=out)
+        out.flush()
+
+
+def _screen_of(
+    follower: LogFollower, lab: Lab, truth: GroundTruth | None, colour: bool
+) -> tuple[str, GroundTruth | None]:
     from agent.ground_truth import compute_ground_truth
 
-    out = sys.stdout if out is None else out
-    follower = LogFollower(path)
-    if not once:
-        print(_CLEAR_ALL, end="", file=out, flush=True)
-    truth: GroundTruth | None = None
-    news = time.monotonic()
-    while True:
-        grew = follower.poll()
-        if grew or once:
-            news = time.monotonic()
-            if follower.header is not None and truth is None:
-                header = follower.header
-                truth = compute_ground_truth(
-                    lab, header.sensor_angles, header.parameters, model=header.distance_model
-                )
-            size = shutil.get_terminal_size()
-            text = screen(follower.run, truth, width=size.columns, height=size.lines, colour=colour)
-            if once:
-                print(text, file=out)
-                return
-            lines = text.split("\n")[: size.lines - 1]
-            print(
-                _HOME + "".join(line + _CLEAR_LINE + "\n" for line in lines) + _CLEAR_BELOW, end="", file=out
-            )
-            out.flush()
-        ended = parent is not None and os.getppid() != parent
-        if ended or (idle_limit is not None and time.monotonic() - news > idle_limit):
-            return
-        time.sleep(INTERVAL)
+    if follower.header is not None and truth is None:
+        header = follower.header
+        truth = compute_ground_truth(
+            lab, header.sensor_angles, header.parameters, model=header.distance_model
+        )
+    size = shutil.get_terminal_size()
+    return screen(follower.run, truth, width=size.columns, height=size.lines, colour=colour), truth
 
 
 def screen(

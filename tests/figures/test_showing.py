@@ -11,9 +11,10 @@ from agent.belieffile import write_beliefs
 from agent.cli import main
 from agent.ground_truth import compute_ground_truth
 from agent.localizer import localize
+from agent.logfollower import LogFollower
 from agent.runlog import RunWriter
 from agent.runrecords import Cycle, RunHeader
-from agent.watching import LogFollower, screen, watch
+from agent.watching import screen, watch
 from benchmarks.accuracy import ANGLES, drive
 from ciberrato.labfile import read_lab
 from ciberrato.parameters import Parameters

@@ -1,0 +1,146 @@
+"""Shows a viewer what a run's agent believes: follows the log and sends overlays, as a process of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.localizer import localize
+from agent.logfollower import follow
+from agent.runrecords import RecordedRun
+from agent.summary import peak
+from agent.track import estimated_track
+from ciberrato.lab import CELL_SIZE
+from ciberrato.net.overlay import OverlayClient
+from ciberrato.overlay import GridBelief, OverlayMessage, PoseMark, Shape
+
+if TYPE_CHECKING:
+    from agent.ground_truth import GroundTruth
+    from ciberrato.lab import Lab
+
+Array = NDArray[np.float64]
+
+INTERVAL = 0.05
+"""Seconds between looks at the log."""
+
+_POSE_TTL = 1.0
+
+
+def show_overlays(
+    path: Path,
+    lab: Lab,
+    client: OverlayClient,
+    *,
+    parent: int | None = None,
+    idle_limit: float | None = None,
+) -> None:
+    """Send what a run's log says to a viewer, as long as the log grows.
+
+    Parameters
+    ----------
+    path : Path
+        The agent's log; it need not exist yet.
+    lab : Lab
+        Of the run.
+    client : OverlayClient
+    parent : int or None
+        Return when the process that started this one is no longer this one.
+    idle_limit : float or None
+        Return after so many seconds without news.
+
+    Raises
+    ------
+    LabError
+        If the file is not the log of a run.
+    """
+    from agent.ground_truth import compute_ground_truth
+
+    truth: GroundTruth | None = None
+    beliefs: Array | None = None
+    for follower in follow(path, interval=INTERVAL, parent=parent, idle_limit=idle_limit):
+        run = follower.run
+        if run is None or not run.cycles:
+            continue
+        if truth is None:
+            header = run.header
+            truth = compute_ground_truth(
+                lab, header.sensor_angles, header.parameters, model=header.distance_model
+            )
+        live = run.cycles[-1].estimate is not None
+        if not live and run.steps and (beliefs is None or len(beliefs) != len(run.steps) + 1):
+            beliefs = _filtered(run, truth)
+            client.send(belief_overlay(run, beliefs))
+        client.send(pose_overlay(run, beliefs))
+
+
+def _filtered(run: RecordedRun, truth: GroundTruth) -> Array:
+    return localize(
+        [step.readings for step in run.steps],
+        truth,
+        preset=run.header.preset,
+        obstacle_noise=run.header.parameters.obstacle_noise,
+    ).beliefs
+
+
+def belief_overlay(run: RecordedRun, beliefs: Array) -> OverlayMessage:
+    """Say what the agent believes since its last step, at the cycle of that step.
+
+    Parameters
+    ----------
+    run : RecordedRun
+        With at least one step.
+    beliefs : ndarray, shape (steps + 1, rows, columns)
+
+    Returns
+    -------
+    OverlayMessage
+    """
+    rows, columns = beliefs[-1].shape
+    extent = (0.0, 0.0, columns * CELL_SIZE, rows * CELL_SIZE)
+    return OverlayMessage(
+        source=run.header.robot_name or "agent",
+        robot=run.header.robot_position or None,
+        time=run.steps[-1].time,
+        angles=run.header.sensor_angles,
+        belief=GridBelief(cells=beliefs[-1], extent=extent),
+    )
+
+
+def pose_overlay(run: RecordedRun, beliefs: Array | None) -> OverlayMessage:
+    """Say where the agent takes itself to be after the last cycle of a run.
+
+    Parameters
+    ----------
+    run : RecordedRun
+        With at least one cycle.
+    beliefs : ndarray, shape (steps + 1, rows, columns), or None
+
+    Returns
+    -------
+    OverlayMessage
+        A ghost of the robot, if that is one place: the live pose filter's estimate, or the way driven from
+        where the last step's belief says that it began.
+    """
+    header, last = run.header, run.cycles[-1]
+    shapes: tuple[Shape, ...] = ()
+    if last.estimate is not None:
+        x, y, heading, probability = last.estimate
+        shapes = (_ghost(x, y, heading, f"p {probability:.2f}"),)
+    elif beliefs is not None and len(peak(beliefs[-1]).cells) == 1:
+        track = estimated_track(run, beliefs)
+        if track is not None:
+            x, y, heading = (float(value) for value in track[-1])
+            shapes = (_ghost(x, y, heading, f"step {run.steps[-1].index}"),)
+    return OverlayMessage(
+        source=header.robot_name or "agent",
+        robot=header.robot_position or None,
+        time=last.time,
+        shapes=shapes,
+    )
+
+
+def _ghost(x: float, y: float, heading: float, label: str) -> PoseMark:
+    return PoseMark(id="pose", x=x, y=y, direction=heading, label=label, ttl=_POSE_TTL)

@@ -1,0 +1,90 @@
+"""What a viewer is sent while a run goes on: received from a real socket, decoded by the protocol."""
+
+import socket
+
+import numpy as np
+
+from agent.ground_truth import compute_ground_truth
+from agent.localizer import localize
+from agent.overlaying import belief_overlay, pose_overlay, show_overlays
+from agent.runlog import RunWriter
+from agent.runrecords import Cycle, RecordedRun, RunHeader
+from ciberrato.labfile import read_lab
+from ciberrato.net.overlay import OverlayClient
+from ciberrato.overlay import decode_overlay
+from ciberrato.parameters import Parameters
+from maps import find_lab
+
+LAB = read_lab(find_lab("standard"))
+ANGLES = (0.0, 90.0, -90.0, 180.0)
+HEADER = RunHeader(
+    lab_name="standard_lab.xml",
+    lab_sha256="0" * 64,
+    parameters=Parameters(motors_noise=0.0),
+    sensor_angles=ANGLES,
+    robot_name="tester",
+    robot_position=2,
+)
+
+
+def run_of(cells):
+    """A run with ideal readings in the given columns of row 3, and half a cell more."""
+    truth = compute_ground_truth(LAB, ANGLES)
+    cycles = []
+    for step, column in enumerate(cells):
+        readings = tuple(float(value) for value in truth.readings[3, column].round(1))
+        cycles.append(
+            Cycle(time=20 * step, infrared=readings, displacement=2.0 * step, step=step, readings=readings)
+        )
+    cycles.append(Cycle(time=20 * len(cells), displacement=2.0 * len(cells) - 1.0, heading=1.5))
+    return RecordedRun(HEADER, tuple(cycles)), truth
+
+
+def beliefs_of(run, truth):
+    return localize([step.readings for step in run.steps], truth).beliefs
+
+
+def test_the_belief_belongs_to_the_cycle_of_its_step():
+    run, truth = run_of([2, 3, 4, 5])
+    message = belief_overlay(run, beliefs_of(run, truth))
+    np.testing.assert_array_equal(message.belief.cells, beliefs_of(run, truth)[-1])
+    assert message.belief.extent == (0, 0, 28, 14)
+    assert (message.source, message.robot, message.time, message.angles) == ("tester", 2, 60, ANGLES)
+
+
+def test_the_ghost_is_on_its_way_from_the_believed_start():
+    run, truth = run_of([2, 3, 4, 5])
+    message = pose_overlay(run, beliefs_of(run, truth))
+    (mark,) = message.shapes
+    assert (mark.x, mark.y, mark.direction) == (12.0, 7.0, 1.5)  # from (5, 7), seven units on
+    assert message.time == 80
+
+
+def test_no_ghost_while_several_cells_are_equally_likely():
+    run, truth = run_of([2])
+    assert pose_overlay(run, beliefs_of(run, truth)).shapes == ()
+    assert pose_overlay(run, None).shapes == ()
+
+
+def test_the_live_estimate_is_shown_as_it_is_logged():
+    run, _ = run_of([2])
+    live = Cycle(time=99, estimate=(3.5, 4.5, 90.0, 0.875))
+    (mark,) = pose_overlay(RecordedRun(HEADER, (*run.cycles, live)), None).shapes
+    assert (mark.x, mark.y, mark.direction, mark.label) == (3.5, 4.5, 90.0, "p 0.88")
+
+
+def test_a_log_is_sent_as_datagrams(tmp_path):
+    run, _ = run_of([2, 3])
+    path = tmp_path / "run.jsonl"
+    with RunWriter(path, run.header) as writer:
+        for cycle in run.cycles:
+            writer.write(cycle)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(10)
+        with OverlayClient(port=receiver.getsockname()[1]) as client:
+            show_overlays(path, LAB, client, idle_limit=0.05)
+        belief, pose = (decode_overlay(receiver.recv(1 << 16)) for _ in range(2))
+    assert (belief.time, pose.time) == (20, 40)
+    assert belief.belief.cells.shape == (7, 14)
+    assert pose.belief is None
