@@ -1,8 +1,8 @@
 """An agent's log as something to watch: where it believed to be, and how its belief developed.
 
-The log (JSON Lines, first line the header, then a line a cycle) has estimates relative to the first cell's
-centre, not the true pose. They are laid into the lab from the start cell that is most likely in the end,
-or from the one that the user names.
+The log (JSON Lines, first line the header, then a line a cycle) has estimates, not the true pose. Those of a live
+pose filter are shown as they are. Those relative to the first cell's centre are laid into the lab from the
+start cell that is most likely in the end, or from the one that the user names.
 """
 
 from __future__ import annotations
@@ -240,6 +240,7 @@ def _show_frames(session: Session, log: RunLog, origin: tuple[float, float]) -> 
         colliding = hit
         leds = cycle.get("leds") or (False, False, False)
         state = "Finished" if leds[0] else "Running" if cycle.get("start") else "Stopped"
+        x, y, direction = _pose(cycle, origin)
         session.show(
             RobotStatus(
                 name=name,
@@ -248,8 +249,18 @@ def _show_frames(session: Session, log: RunLog, origin: tuple[float, float]) -> 
                 collisions=collisions,
                 collision=hit,
                 state=state,
-                x=origin[0] + float(cycle.get("displacement") or 0.0),
-                y=origin[1] + float(cycle.get("lateral") or 0.0),
-                direction=float(cycle.get("heading") or 0.0),
+                x=x,
+                y=y,
+                direction=direction,
             )
         )
+
+
+def _pose(cycle: dict[str, Any], origin: tuple[float, float]) -> tuple[float, float, float]:
+    """Where the agent took itself to be: by its live pose filter if it had one, or by dead reckoning."""
+    estimate = cycle.get("estimate")
+    if estimate:
+        x, y, direction, _ = estimate
+        return float(x), float(y), float(direction)
+    way, aside = cycle.get("displacement") or 0.0, cycle.get("lateral") or 0.0
+    return origin[0] + float(way), origin[1] + float(aside), float(cycle.get("heading") or 0.0)

@@ -89,6 +89,14 @@ def test_the_start_cell_can_be_given_and_the_agents_own_beliefs_shown(log, tmp_p
         load_recording(log, "corridors", (1, 2), out)
 
 
+def test_estimates_of_a_live_pose_filter_are_shown_as_they_are(log):
+    lines = log.read_text().splitlines()[:3]
+    cycle = json.loads(lines[2]) | {"estimate": [7.5, 8.25, -90.0, 0.3]}
+    log.write_text("\n".join([*lines[:2], json.dumps(cycle)]) + "\n")
+    shown = [rows[0][1:4] for _, _, rows in frames(load_recording(log, None, (0, 0)))]
+    assert shown == [[1.0, 1.01, 1.0], [7.5, 8.25, -90.0]]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

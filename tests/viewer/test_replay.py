@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from viewer.connection import ConnectionState
@@ -114,3 +115,26 @@ def test_answers_are_not_held_up_by_a_flood_of_news():
         outbox.put("frame", str(n))
         taken.append(outbox.take())
     assert "answer" in taken
+
+
+def test_damaged_messages_of_a_simulator_harm_nothing(full_session):
+    rng = np.random.default_rng(8)
+    session = Session()
+    session.start(0.0)
+    taken = 0
+    for _ in range(40):
+        for original in full_session.received:
+            data = bytearray(original)
+            for _ in range(rng.integers(0, 3)):
+                at = rng.integers(len(data))
+                data[at] = (
+                    rng.choice(list(b'0123456789-e."<>/ nanifX')) if rng.random() < 0.8 else rng.integers(256)
+                )
+            session.receive(
+                bytes(data[: rng.integers(1, len(data) + 1)] if rng.random() < 0.1 else data), 0.0
+            )
+            for _, text in session.news(0.0):
+                json.loads(text, parse_constant=pytest.fail)
+                taken += 1
+            session.answer(EVERYTHING)
+    assert taken > 500
