@@ -1,8 +1,8 @@
 """An agent's log as something to watch: where it believed to be, and how its belief developed.
 
-The log (JSON Lines, first line the header, then a line a cycle) has estimates, not the true pose. Those of a live
-pose filter are shown as they are. Those relative to the first cell's centre are laid into the lab from the
-start cell that is most likely in the end, or from the one that the user names.
+The log (JSON Lines, first line the header, then a line a cycle) has estimates, not the true pose. Those of a
+live pose filter are shown as they are. Those relative to the first cell's centre are laid into the lab from
+the start cell that is most likely in the end, or from the one that the user names.
 """
 
 from __future__ import annotations
