@@ -14,6 +14,7 @@ from ciberrato.protocol.messages import Actions, Measures
 _STUCK = 40  # colliding cycles in a row after which the way is given up
 _STANDING = 8  # cycles at rest before a wall in which it may still turn out that there is none
 _NEAR_THE_STOP = 0.1  # units
+_COMMANDS_KEPT = 20  # the newest; an older one cannot be the last before a message
 _LONGEST_STEP_BACK = 50  # cycles; a time farther back than a late message can be is that of a new simulation
 
 
@@ -42,10 +43,43 @@ class Controller:
         self._exit_at_wall = exit_at_wall
         self._requests = _RequestRota(header.parameters)
         self._command: Command | None = None
+        self._sent: list[tuple[float, Command]] = []
         self._time: int | None = None
         self._colliding = 0
 
-    def observe(self, measures: Measures, *, newest: bool = True) -> tuple[Cycle, Actions | None]:
+    def sent(self, time: float) -> None:
+        """Note when the last answer left.
+
+        Parameters
+        ----------
+        time : float
+            Seconds, by the clock that stamps the arrivals.
+        """
+        if self._command is not None:
+            self._sent = [*self._sent[-_COMMANDS_KEPT:], (time, self._command)]
+
+    def command_in_effect(self, arrived: float | None) -> Command | None:
+        """Tell which command moved the robot in the cycle that a message is about.
+
+        Parameters
+        ----------
+        arrived : float or None
+            When the message arrived; None = not known, taken to be after the last answer.
+
+        Returns
+        -------
+        (float, float) or None
+            The last one that had left before the message was there. An answer that leaves later, because this
+            process had no time, acts in a later cycle.
+        """
+        if arrived is None or not self._sent:
+            return self._command
+        earlier = [command for time, command in self._sent if time < arrived]
+        return earlier[-1] if earlier else None
+
+    def observe(
+        self, measures: Measures, *, newest: bool = True, arrived: float | None = None
+    ) -> tuple[Cycle, Actions | None]:
         """Take in one message and decide on the answer.
 
         Parameters
@@ -53,6 +87,8 @@ class Controller:
         measures : Measures
         newest : bool
             Whether no newer message is waiting: only the newest is answered.
+        arrived : float or None
+            When it arrived; see `command_in_effect`.
 
         Returns
         -------
@@ -63,7 +99,7 @@ class Controller:
         """
         crossing = None
         if self._time is None or measures.time >= self._time:
-            crossing = self._take_in(measures)
+            crossing = self._take_in(measures, arrived)
         elif self._time - measures.time > _LONGEST_STEP_BACK or measures.time == 0:
             self.ended = "the simulator has begun again"
         answered = newest and self.ended is None
@@ -76,10 +112,10 @@ class Controller:
             )
         return self._record(measures, crossing, answered), actions
 
-    def _take_in(self, measures: Measures) -> Crossing | None:
+    def _take_in(self, measures: Measures, arrived: float | None) -> Crossing | None:
         if self._time is not None:
             self.lost += max(measures.time - self._time - 1, 0)
-        crossing = self.tracker.observe(measures, self._command)
+        crossing = self.tracker.observe(measures, self.command_in_effect(arrived))
         if measures.time != self._time:
             self._colliding = self._colliding + 1 if measures.collision else 0
         self._time = measures.time

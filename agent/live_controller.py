@@ -57,12 +57,14 @@ class LiveController(Controller):
         self._crossings = 0
         self._entropy: float | None = None
 
-    def observe(self, measures: Measures, *, newest: bool = True) -> tuple[Cycle, Actions | None]:
+    def observe(
+        self, measures: Measures, *, newest: bool = True, arrived: float | None = None
+    ) -> tuple[Cycle, Actions | None]:
         """See `Controller.observe`."""
         if self._time is None or measures.time >= self._time:
-            self.live.observe(measures, self._command)
+            self.live.observe(measures, self.command_in_effect(arrived))
         self._decision = None
-        cycle, actions = super().observe(measures, newest=newest)
+        cycle, actions = super().observe(measures, newest=newest, arrived=arrived)
         if actions is not None and self._decision is not None:
             actions = dataclasses.replace(
                 actions,

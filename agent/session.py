@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from agent.phases import Phase
 from agent.registration import Answer, register
 from ciberrato.errors import ProtocolError, UsageError
-from ciberrato.net.link import Link, LinkError
+from ciberrato.net.link import Arrival, Link, LinkError
 from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
 
 if TYPE_CHECKING:
@@ -182,7 +182,8 @@ class Session:
             raise UsageError(f"{settings.log}: cannot be written: {error.strerror}") from None
         controller = self._make_controller()
         with writer:
-            reason = self._answer_measures(link, controller, writer, list(answer.following))
+            waiting = [Arrival(data, None) for data in answer.following]
+            reason = self._answer_measures(link, controller, writer, waiting)
         if controller.lost or controller.unanswered:
             self._reporter.warn(
                 f"{controller.lost} cycles without Measures; {controller.unanswered} Measures not "
@@ -197,7 +198,7 @@ class Session:
         return Controller(self._header, exit_at_wall=self._settings.exit_at_wall)
 
     def _answer_measures(
-        self, link: Link, controller: Controller, writer: RunWriter, waiting: list[bytes]
+        self, link: Link, controller: Controller, writer: RunWriter, waiting: list[Arrival]
     ) -> str:
         silence = max(
             self._settings.silence,
@@ -207,14 +208,21 @@ class Session:
         while True:
             if self._interrupts.received:
                 return "interrupted"
-            measures = [message for message in map(self._decode, waiting) if isinstance(message, Measures)]
-            for number, message in enumerate(measures, start=1):
-                cycle, actions = controller.observe(message, newest=number == len(measures))
+            try:
+                # What came while the last messages were dealt with; only then is the newest the newest.
+                waiting += link.receive_arrivals()
+            except LinkError as error:
+                if not waiting:
+                    return str(error)
+            taken = [(self._decode(arrival.data), arrival.time) for arrival in waiting]
+            measures = [(message, arrived) for message, arrived in taken if isinstance(message, Measures)]
+            for number, (message, arrived) in enumerate(measures, start=1):
+                newest = number == len(measures)
+                cycle, actions = controller.observe(message, newest=newest, arrived=arrived)
                 if actions is not None:
-                    try:
-                        link.send(encode(actions))
-                    except LinkError as error:
-                        self._reporter.warn_once(str(error))
+                    # Before sending: in lockstep what follows may be here before the call returns.
+                    controller.sent(time.time())
+                    self._send(link, actions)
                 self._record(cycle, writer)
             if controller.ended is not None:
                 return controller.ended
@@ -226,12 +234,17 @@ class Session:
             elif now - heard >= silence:
                 return f"no Measures for {silence:g} s"
             try:
-                waiting = link.receive_waiting()
+                waiting = link.receive_arrivals()
                 if not waiting:
                     self._interrupts.wait(link.fileno(), heard + silence - now)
-                    waiting = link.receive_waiting()
             except LinkError as error:
                 return str(error)
+
+    def _send(self, link: Link, actions: Actions) -> None:
+        try:
+            link.send(encode(actions))
+        except LinkError as error:
+            self._reporter.warn_once(str(error))
 
     def _decode(self, data: bytes) -> object:
         try:

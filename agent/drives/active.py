@@ -106,7 +106,7 @@ class ActiveDrive:
         best, best_score = (float(math.pi), 1.0), -math.inf
         for number, turn in enumerate(_FIRST_TURNS):
             length = float(np.quantile(ways[number], 0.1)) - 0.1
-            if length < 0.3 or (bumper.ahead > 1.8 and abs(turn) < math.radians(40.0)):
+            if length < 0.3 or abs(turn) < bumper.closed:
                 continue
             features = self._imagine(pose_filter, poses, float(turn), length)
             cycles = abs(turn) / 0.18 + 3.0 + length / self._cruise

@@ -58,8 +58,7 @@ class ExploreDrive:
         score = 0.5 * mean + np.minimum(reachable, 2.0) - 0.35 * np.abs(_TURNS)
         score -= 1.0 * (np.abs(_TURNS) > math.radians(150.0))
         # Towards what is so near ahead that it stopped the robot there is no way.
-        if bumper.ahead > 1.8:
-            score -= 3.0 * (np.abs(_TURNS) < math.radians(40.0))
+        score -= 3.0 * (np.abs(_TURNS) < bumper.closed)
         score -= self._crowdedness(pose_filter, sample, mean)
         best = int(score.argmax())
         return float(_TURNS[best]), max(min(float(reachable[best]) - 0.1, LONGEST_LEG), 1.0)

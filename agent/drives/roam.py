@@ -65,7 +65,6 @@ class Roamer:
         self._to_drive = 0.0
         self._wheels: Command = (0.0, 0.0)
         self._last: Command = (0.0, 0.0)
-        self._blocked = 0
         self.legs: deque[tuple[float, float]] = deque(maxlen=16)
 
     @property
@@ -95,10 +94,9 @@ class Roamer:
             self._to_drive -= (right + left) / 2.0
 
     def _next(self, measures: Measures, pose_filter: PoseFilter) -> Command:
-        if measures.collision:
-            self._blocked += 1
-            if self.phase is LegPhase.DRIVING:
-                self.phase = LegPhase.CHOOSING
+        if measures.collision and self.phase is LegPhase.DRIVING:
+            self.phase = LegPhase.CHOOSING
+            self._bumper.bumped = True
         if self.phase is LegPhase.DRIVING:
             command = self._drive(pose_filter)
             if command is not None:
@@ -107,6 +105,7 @@ class Roamer:
         if self.phase is LegPhase.CHOOSING:
             sample = draw(pose_filter.belief)
             self._to_turn, self._to_drive = self._choose(pose_filter, sample, self._bumper)
+            self._bumper.bumped = False
             self.legs.append((self._to_turn, self._to_drive))
             # What the wheels still run on turns the robot, too.
             self._to_turn -= self._wheels[1] - self._wheels[0]

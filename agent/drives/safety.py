@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 _SLOW = 1.25  # reading ahead at which to slow down
 _HALT = 2.6  # and at which to stop
+_IN_THE_WAY = 1.8
 _SIDE_NEAR = 3.2  # reading to the side from which on to keep away
 _SIDE_HALT = 9.0
 _MOST_STEER = 0.03
@@ -30,6 +31,8 @@ class Bumper:
         self._right = [i for i, angle in enumerate(turned) if -100.0 <= angle < -35.0]
         self._memory = 0.0 if noise < 0.2 else 0.5
         self._smooth: list[float] | None = None
+        self.bumped = False
+        """Whether the last leg ended in a collision."""
 
     def observe(self, infrared: Sequence[float | None]) -> None:
         """Take in the readings of a message; sensors that were not sent keep their last."""
@@ -60,6 +63,13 @@ class Bumper:
     def right(self) -> float:
         """Reading to the right."""
         return self._most(self._right)
+
+    @property
+    def closed(self) -> float:
+        """Radians to both sides of straight ahead in which there is no way to go on."""
+        if self.bumped:
+            return math.radians(80.0)
+        return math.radians(40.0) if self.ahead > _IN_THE_WAY else 0.0
 
     @property
     def speed(self) -> float:

@@ -19,7 +19,7 @@ from agent.pose_filter.lattice import Lattice
 from agent.pose_filter.tables import PoseTables, Progress, build_tables
 from ciberrato.lab import Lab
 
-VERSION = 1
+VERSION = 2
 """To be raised whenever the same lab would give other tables."""
 
 _LATTICE_ARRAYS = ("x", "y", "representative", "clearance", "cell", "site", "index")
@@ -107,6 +107,7 @@ def write_tables(path: Path, tables: PoseTables) -> None:
             steps=tables.steps,
             codes=np.stack(half),
             sensors=np.array(tables.sensors),
+            fractions=np.array(tables.fractions),
             **arrays,
         )
         temporary.replace(path)
@@ -131,6 +132,7 @@ def read_tables(path: Path) -> PoseTables | None:
                 lattice=lattice,
                 steps=int(stored["steps"]),
                 codes=tuple(np.concatenate([codes, codes]) for codes in stored["codes"]),
+                fractions=tuple(float(fraction) for fraction in stored["fractions"]),
                 sensors=tuple((int(table), int(ahead)) for table, ahead in stored["sensors"]),
             )
     except (OSError, ValueError, KeyError, EOFError):

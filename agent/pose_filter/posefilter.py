@@ -13,6 +13,7 @@ therefore proportional to how many squares and bins the robot has moved on in th
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from agent.pose_filter.evidence import (
     weigh_collision,
 )
 from agent.pose_filter.reading_codes import ReadingCodes
+from agent.pose_filter.symmetry import SymmetryCheck
 from agent.pose_filter.tables import BINS, PoseTables
 from ciberrato.kinematics import ROBOT_RADIUS, advance, clamp_power, filter_power, wrap_angle
 from ciberrato.lab import Lab
@@ -155,6 +157,15 @@ class PoseFilter:
         self._since_diffusion = 0
         self._rested = 0
         self._estimate: PoseEstimate | None = None
+        self._symmetry = SymmetryCheck(
+            lab,
+            tables.lattice.representative,
+            tables.lattice.resolution,
+            tables.angles,
+            parameters.obstacle_noise,
+            parameters.compass_noise,
+        )
+        self._compared = False
         self.last_step: FilterStep | None = None
         """The step taken in last."""
         self.alarm_level = 0.0
@@ -200,8 +211,20 @@ class PoseFilter:
         """Give the pose at the last message, with its probability."""
         if self._estimate is None:
             found = estimate(self.belief)
+            if self._symmetry.turns:
+                found = self._share_with_images(found)
             self._estimate = self._dead_reckoned(found)
         return self._estimate
+
+    def _share_with_images(self, found: PoseEstimate) -> PoseEstimate:
+        """Take into account that the lab may look the same turned round."""
+        step = self.last_step
+        if step is not None and found.probability > 0.3 and not self._compared:
+            self._compared = True
+            way = sum((motion.left + motion.right) / 2.0 for motion in step.motions)
+            pose = (found.x, found.y, found.heading)
+            self._symmetry.observe(pose, way, step.infrared, step.compass, step.ground)
+        return dataclasses.replace(found, probability=found.probability * self._symmetry.share())
 
     def _dead_reckoned(self, found: PoseEstimate) -> PoseEstimate:
         """Add the motion since the newest readings, where they come late."""
@@ -248,6 +271,7 @@ class PoseFilter:
         if self._messages > self._lag:
             self._process(measures.time)
         self._estimate = None
+        self._compared = False
 
     def _process(self, time: int) -> None:
         oldest, ticks = self._ticks[0], self._ticks

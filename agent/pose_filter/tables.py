@@ -61,13 +61,22 @@ class PoseTables:
         any run of directions is one slice. See `agent.pose_filter.reading_codes`.
     sensors : tuple of (int, int)
         For each sensor its table and by how many steps its axis is ahead of the robot's heading.
+    fractions : tuple of float
+        Degrees by which the directions of each table are ahead of multiples of the step.
     """
 
     lattice: Lattice
     steps: int
     codes: tuple[Codes, ...]
     sensors: tuple[tuple[int, int], ...]
+    fractions: tuple[float, ...] = ()
     _shares: list[NDArray[np.float64]] = field(default_factory=list)
+
+    @property
+    def angles(self) -> tuple[float, ...]:
+        """Mounting angles of the sensors in radians."""
+        step = 360.0 / (BINS * self.steps)
+        return tuple(math.radians(ahead * step + self.fractions[table]) for table, ahead in self.sensors)
 
     @property
     def code_shares(self) -> list[NDArray[np.float64]]:
@@ -170,4 +179,4 @@ def build_tables(
         distances = tabulate_distances(walls, lattice.representative, np.deg2rad(degrees), progress=part)
         coded = encode(distances)
         codes.append(np.concatenate([coded, coded]))
-    return PoseTables(lattice=lattice, steps=steps, codes=tuple(codes), sensors=sensors)
+    return PoseTables(lattice=lattice, steps=steps, codes=tuple(codes), sensors=sensors, fractions=fractions)

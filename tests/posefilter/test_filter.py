@@ -195,3 +195,53 @@ def test_smoothing_knows_the_start_that_filtering_could_not(small_lab, fine_tabl
     assert smoothed[1][start] > 0.99
     found = [np.unravel_index(block.argmax(), block.shape) for block in smoothed[1:]]
     assert found == cells
+
+
+def test_a_claim_in_a_lab_that_looks_the_same_turned_round_is_shared_with_its_images():
+    from agent.pose_filter.lattice import build_lattice
+    from agent.pose_filter.symmetry import SymmetryCheck
+    from ciberrato.geometry import WallMap
+    from ciberrato.infrared import ideal_reading, sensor_distances
+    from ciberrato.lab import Lab, Wall
+
+    def star(count: int) -> Lab:
+        """Return a triangle, with a block before as many of its sides."""
+        walls = []
+        for part in range(3):
+            a, b = (2.0 * math.pi * (part + k) / 3.0 + 0.3 for k in (0, 1))
+            corners = [
+                (9.0 + r * math.cos(t), 9.0 + r * math.sin(t))
+                for r, t in ((8, a), (8, b), (8.3, b), (8.3, a))
+            ]
+            walls.append(Wall(corners=tuple(corners)))
+            if part < count:
+                t = a + 0.4
+                middle = (9.0 + 2.0 * math.cos(t), 9.0 + 2.0 * math.sin(t))
+                walls.append(
+                    Wall(
+                        corners=tuple(
+                            (middle[0] + 0.4 * math.cos(t + q), middle[1] + 0.4 * math.sin(t + q))
+                            for q in (0, 2, 4)
+                        )
+                    )
+                )
+        return Lab(width=18.0, height=18.0, walls=tuple(walls))
+
+    angles = tuple(math.radians(angle) for angle in ANGLES)
+    shares = []
+    for count, compass in ((3, None), (3, 40.0), (2, None)):
+        lab = star(count)
+        walls = WallMap.from_lab(lab)
+        places = build_lattice(lab, 2.0 / 9.0).representative
+        check = SymmetryCheck(lab, places, 2.0 / 9.0, angles, 0.1, 2.0)
+        if count == 3:
+            assert sorted(round(math.degrees(turn.angle)) for turn in check.turns) == [120, 240]
+        for step in range(30):
+            pose = (9.0 + 0.05 * step, 10.5 - 0.02 * step, math.radians(40.0))
+            distances = sensor_distances(walls, pose[0], pose[1], pose[2] + np.array(angles))
+            readings = tuple(np.round(ideal_reading(distances), 1).tolist())
+            check.observe(pose, 0.06, readings, compass, -1)
+        shares.append(check.share())
+    assert shares[0] == pytest.approx(1.0 / 3.0, abs=0.02)
+    assert shares[1] > 0.99
+    assert shares[2] > 0.6
