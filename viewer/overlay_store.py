@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import bisect
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from ciberrato.lab import Lab
 from ciberrato.overlay import KINDS, GridBelief, OverlayMessage, Shape
-from viewer.world import Frame
 
 MOST_SOURCES = 32
 MOST_SHAPES = 400
@@ -22,6 +22,8 @@ MOST_BELIEF_BYTES = 16_000_000
 """Of all sources together; beyond it every second one of the older half of the greatest is forgotten."""
 
 MOST_MODES = 6
+Place = tuple[float, float]
+PlaceOf = Callable[[int, int], Place | None]
 _LEVELS = 65535
 _KIND_NAMES = {record: kind for kind, record in KINDS.items()}
 
@@ -132,17 +134,27 @@ class OverlayStore:
         self.sources.clear()
         self.shapes_version += 1
 
-    def receive(self, message: OverlayMessage, frame: Frame, lab: Lab | None, now: float) -> Source:
+    def receive(
+        self,
+        message: OverlayMessage,
+        *,
+        now: float,
+        time: int = 0,
+        lab: Lab | None = None,
+        place_of: PlaceOf = lambda robot, time: None,
+    ) -> Source:
         """Take a message.
 
         Parameters
         ----------
         message : OverlayMessage
-        frame : Frame
-            The world at this moment: for beliefs without a time, and for the true cell.
-        lab : Lab or None
         now : float
             Seconds of any clock that does not go back.
+        time : int
+            Simulated cycles at this moment, for messages that do not say theirs.
+        lab : Lab or None
+        place_of : callable
+            Tells where a robot really was at a time, in units, or None: the true cell is compared with.
 
         Returns
         -------
@@ -169,8 +181,9 @@ class OverlayStore:
             source.shapes[shape.id] = (shape, None if shape.ttl is None else now + shape.ttl)
         self._limit_shapes(source)
         if message.belief is not None:
-            time = frame.time if message.time is None else message.time
-            self._keep(source, _stored(message.belief, time, _true_place(source.robot, frame), lab))
+            then = time if message.time is None else message.time
+            place = None if source.robot is None else place_of(source.robot, then)
+            self._keep(source, _stored(message.belief, then, place, lab))
         return source
 
     def expire(self, now: float) -> None:
@@ -226,16 +239,7 @@ def _thin(source: Source) -> None:
     source.beliefs = source.beliefs[:half:2] + source.beliefs[half:]
 
 
-def _true_place(robot: int | None, frame: Frame) -> tuple[float, float] | None:
-    for status in frame.robots:
-        if status.robot_id == robot:
-            return status.x, status.y
-    return None
-
-
-def _stored(
-    belief: GridBelief, time: int, place: tuple[float, float] | None, lab: Lab | None
-) -> StoredBelief:
+def _stored(belief: GridBelief, time: int, place: Place | None, lab: Lab | None) -> StoredBelief:
     cells = belief.cells / belief.cells.sum()
     positive = cells[cells > 0.0]
     peak = float(cells.max())
@@ -250,7 +254,7 @@ def _stored(
 
 
 def _probability_at(
-    cells: NDArray[np.float64], belief: GridBelief, place: tuple[float, float] | None, lab: Lab | None
+    cells: NDArray[np.float64], belief: GridBelief, place: Place | None, lab: Lab | None
 ) -> float | None:
     if place is None or (lab is None and belief.extent is None):
         return None

@@ -26,7 +26,6 @@ from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, RobotStatus
 from maps import find_lab
 from viewer.session import Session
-from viewer.world import Frame
 
 FORMAT = "ciberrato-run"
 FORMAT_VERSION = 1
@@ -140,8 +139,7 @@ def load_recording(
             angles=_angles(log),
             belief=GridBelief(cells=posterior),
         )
-        # An empty frame: the true cell is not known.
-        session.overlays.receive(message, Frame(0, "empty", ()), lab, 0.0)
+        session.overlays.receive(message, now=0.0, lab=lab)  # the true cell is not known
     return session
 
 

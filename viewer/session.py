@@ -6,6 +6,7 @@ out. `viewer.server` is the shell around it.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -129,7 +130,17 @@ class Session:
             if self.refused_overlays == 1:
                 self._notify(f"a datagram on the overlay port is passed over: {error}")
             return
-        self.overlays.receive(message, self.world.frame, self.world.lab, now)
+        self.overlays.receive(
+            message, now=now, time=self.world.frame.time, lab=self.world.lab, place_of=self._place_of
+        )
+
+    def _place_of(self, robot_id: int, time: int) -> tuple[float, float] | None:
+        """Where a robot was, from the time line: an agent may take a while to say what it believed."""
+        for frame in self.timeline.window(time, time, 2):
+            for row in json.loads(frame)[2]:
+                if row[0] == robot_id and row[1] is not None and row[2] is not None:
+                    return row[1], row[2]
+        return None
 
     def tick(self, now: float) -> list[Outgoing]:
         """Do what is due; to be called a few times a second. The result is to be sent to the simulator."""

@@ -8,12 +8,14 @@ import pytest
 import viewer.overlay_store
 from ciberrato.lab import Lab
 from ciberrato.overlay import Circle, GridBelief, OverlayMessage
-from ciberrato.protocol import RobotStatus
 from viewer.overlay_store import MOST_SHAPES, MOST_SOURCES, OverlayStore
-from viewer.world import Frame
 
 LAB = Lab(width=8.0, height=4.0)
-FRAME = Frame(9, "running", (RobotStatus(name="a", robot_id=1, time=9, x=5.0, y=3.0),))
+WORLD = {
+    "time": 9,
+    "lab": LAB,
+    "place_of": lambda robot, time: (5.0, 3.0) if (robot, time) == (1, 9) else None,
+}
 
 
 def belief(cells, **values):
@@ -28,7 +30,7 @@ def circle(name, ttl=2.0):
 def test_a_belief_is_normalized_summed_up_and_compared_with_the_truth():
     store = OverlayStore()
     # Eight cells of 2 x 2 units; the robot is in the third column of the upper row.
-    source = store.receive(belief([[0, 0, 0, 0], [0, 2, 2, 4]]), FRAME, LAB, 0.0)
+    source = store.receive(belief([[0, 0, 0, 0], [0, 2, 2, 4]]), now=0.0, **WORLD)
     assert source.series() == [[9, 1.5, 0.5, 0.25]]
     document = source.belief_at(9).document()
     levels = np.frombuffer(base64.b64decode(document["cells"]), "<u2").reshape(2, 4) / 65535
@@ -38,11 +40,11 @@ def test_a_belief_is_normalized_summed_up_and_compared_with_the_truth():
 
 def test_the_true_cell_is_unknown_without_a_robot_or_outside_the_grid():
     store = OverlayStore()
-    source = store.receive(belief([[1.0]], robot=7), FRAME, LAB, 0.0)
+    source = store.receive(belief([[1.0]], robot=7), now=0.0, **WORLD)
     message = OverlayMessage(
         source="b", robot=1, belief=GridBelief(cells=np.ones((1, 1)), extent=(0, 0, 2, 2))
     )
-    other = store.receive(message, FRAME, LAB, 0.0)
+    other = store.receive(message, now=0.0, **WORLD)
     assert source.series()[0][3] is None
     assert other.series()[0][3] is None
 
@@ -50,7 +52,7 @@ def test_the_true_cell_is_unknown_without_a_robot_or_outside_the_grid():
 def test_beliefs_are_found_by_time_however_late_they_came():
     store = OverlayStore()
     for time in (10, 30, 20, 30):
-        source = store.receive(belief([[1.0, time]], time=time), FRAME, LAB, 0.0)
+        source = store.receive(belief([[1.0, time]], time=time), now=0.0, **WORLD)
     assert [row[0] for row in source.series()] == [10, 20, 30]
     assert source.belief_at(9) is None
     assert [source.belief_at(time).time for time in (10, 19, 20, 99)] == [10, 10, 20, 30]
@@ -59,7 +61,7 @@ def test_beliefs_are_found_by_time_however_late_they_came():
 def test_shapes_live_until_their_time_is_over_or_they_are_removed():
     store = OverlayStore()
     drawn = (circle("short", 1.0), circle("long", 5.0), circle("ever", None))
-    store.receive(OverlayMessage(source="a", shapes=drawn), FRAME, LAB, 0.0)
+    store.receive(OverlayMessage(source="a", shapes=drawn), now=0.0, **WORLD)
 
     def ids():
         return [document["id"] for document in store.shape_documents()]
@@ -67,14 +69,14 @@ def test_shapes_live_until_their_time_is_over_or_they_are_removed():
     assert ids() == ["short", "long", "ever"]
     store.expire(1.0)
     assert ids() == ["long", "ever"]
-    store.receive(OverlayMessage(source="a", shapes=(circle("long", 9.0),)), FRAME, LAB, 4.0)
+    store.receive(OverlayMessage(source="a", shapes=(circle("long", 9.0),)), now=4.0, **WORLD)
     store.expire(6.0)
     assert sorted(ids()) == ["ever", "long"]
-    store.receive(OverlayMessage(source="a", remove=("ever", "unknown")), FRAME, LAB, 6.0)
+    store.receive(OverlayMessage(source="a", remove=("ever", "unknown")), now=6.0, **WORLD)
     assert ids() == ["long"]
-    store.receive(OverlayMessage(source="b", clear=True), FRAME, LAB, 6.0)
+    store.receive(OverlayMessage(source="b", clear=True), now=6.0, **WORLD)
     assert ids() == ["long"]
-    store.receive(OverlayMessage(source="a", clear=True), FRAME, LAB, 6.0)
+    store.receive(OverlayMessage(source="a", clear=True), now=6.0, **WORLD)
     assert ids() == []
 
 
@@ -87,7 +89,7 @@ def test_every_change_of_shapes_is_noticed():
         OverlayMessage(source="a", angles=(0.0, 1.0, 2.0, 3.0)),
         OverlayMessage(source="a", clear=True),
     ):
-        store.receive(message, FRAME, LAB, 0.0)
+        store.receive(message, now=0.0, **WORLD)
         versions.append(store.shapes_version)
     assert versions == sorted(set(versions))
 
@@ -95,10 +97,10 @@ def test_every_change_of_shapes_is_noticed():
 def test_sources_and_shapes_are_bounded():
     store = OverlayStore()
     for n in range(2 * MOST_SOURCES):
-        store.receive(OverlayMessage(source=f"s{n}"), FRAME, LAB, 0.0)
+        store.receive(OverlayMessage(source=f"s{n}"), now=0.0, **WORLD)
     assert list(store.sources) == [f"s{n}" for n in range(MOST_SOURCES, 2 * MOST_SOURCES)]
     for n in range(10 * MOST_SHAPES):
-        store.receive(OverlayMessage(source="s40", shapes=(circle(str(n), None),)), FRAME, LAB, 0.0)
+        store.receive(OverlayMessage(source="s40", shapes=(circle(str(n), None),)), now=0.0, **WORLD)
     assert len(store.shape_documents()) == MOST_SHAPES
 
 
@@ -108,7 +110,7 @@ def test_beliefs_are_bounded_by_their_bytes_and_the_newest_stay(monkeypatch, sou
     store = OverlayStore()
     for time in range(400):
         for n in range(sources):
-            store.receive(belief(np.ones((10, 20)), source=f"s{n}", time=time), FRAME, LAB, 0.0)
+            store.receive(belief(np.ones((10, 20)), source=f"s{n}", time=time), now=0.0, **WORLD)
     kept = [belief for source in store.sources.values() for belief in source.beliefs]
     assert sum(belief.levels.nbytes for belief in kept) <= 50_000 + 400
     assert all(source.beliefs[-1].time == 399 for source in store.sources.values())

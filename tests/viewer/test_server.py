@@ -232,6 +232,13 @@ def test_an_agents_belief_and_shapes_reach_the_page_and_can_be_asked_for() -> No
                 assert news["belief"]["peak"] == pytest.approx(2 / 3)
                 # The robot is at (3, 1): of 8 x 4 units in 2 x 2 cells, that is the left one below.
                 assert news["series"][3] == pytest.approx(1 / 3, abs=1e-4)
+                # What it believed at time 20 is compared with where the robot was then.
+                simulator.say(status(30, x=7.0, y=3.0))
+                await until(page, frame_at(30))
+                cells = np.array([[1.0, 0.0], [0.0, 0.0]])
+                agent.send(OverlayMessage(source="a", robot=1, time=20, belief=GridBelief(cells=cells)))
+                late = await until(page, lambda m: m["type"] == "belief" and m["version"] == 3)
+                assert late["series"] == [20, 0.0, 1.0, 1.0]
                 await page.send('{"ask":"belief","source":"a","time":15}')
                 past = await until(page, of_type("past"))
                 assert (past["belief"]["time"], past["belief"]["entropy"]) == (10, 1.0)
