@@ -6,6 +6,7 @@ what the tests use, for a shorter time.
 
 from __future__ import annotations
 
+import contextlib
 import re
 import resource
 import select
@@ -143,14 +144,20 @@ class _Robot:
         self._rest = b""
 
     def read(self) -> None:
-        data = self._rest + self.socket.recv(65536)
+        try:
+            received = self.socket.recv(65536)
+        except ConnectionError:  # the simulator has ended with our last answer unread
+            received = b""
+        self.ended |= not received
+        data = self._rest + received
         *messages, self._rest = data.split(b"\0")
         for message in messages:
             time = _TIME.match(message)
             if time is not None:
                 self.times.add(int(time[1]))
                 self.ended |= _END in message
-                self.socket.send(self.answer)
+                with contextlib.suppress(ConnectionError):
+                    self.socket.send(self.answer)
 
 
 def _drive(transport: str, port: int, robots: int, cycles: int) -> tuple[int, float]:
@@ -169,6 +176,8 @@ def _drive(transport: str, port: int, robots: int, cycles: int) -> tuple[int, fl
             break  # the last messages were lost
         for number, _ in ready:
             by_number[number].read()
+            if by_number[number].ended:
+                poll.unregister(number)
         if not began and any(1 in client.times for client in clients):
             began = time.monotonic()
     wall = time.monotonic() - began

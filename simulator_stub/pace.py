@@ -37,7 +37,10 @@ IDLE_LIMIT = 0.5
 """Seconds that a robot is waited for at the most while the simulator does not run."""
 
 Poll = Callable[[float], bool]
-"""Wait that many seconds for messages and deliver them; False when the server is to stop."""
+"""Wait that many seconds for messages and deliver them; False when the server is to stop.
+
+Waiting ends with the first messages. With 0 seconds, whatever is there is delivered.
+"""
 
 
 class Pace(ABC):
@@ -88,11 +91,11 @@ class Pace(ABC):
                 self.late += 1
                 self.lost += int(-left // self.period)
             left = 0.0
-        # At least once, so that messages are read even when every cycle is late.
-        going_on = poll(max(left, 0.0))
+        going_on = True
         while going_on and (left := self._due - self._clock()) > 0.0:
             going_on = poll(left)
-        return going_on
+        # What has arrived by now counts in this cycle, also when every cycle is late.
+        return going_on and poll(0.0)
 
 
 class RealTime(Pace):

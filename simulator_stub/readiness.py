@@ -36,18 +36,26 @@ class Readiness:
         del self._calls[sock.fileno()]
         self._poller.unregister(sock)
 
-    def wait(self, seconds: float) -> None:
+    def wait(self, seconds: float) -> bool:
         """Wait until something is ready, or time is up; then call whoever is ready.
 
         Parameters
         ----------
         seconds : float
             Rounded up to milliseconds; 0 only looks.
+
+        Returns
+        -------
+        bool
+            Whether anything was ready.
         """
+        any_ready = False
         for descriptor, _ in self._poller.poll(seconds if self._has_epoll else math.ceil(seconds * 1000.0)):
+            any_ready = True
             call = self._calls.get(descriptor)
             if call is not None:  # it may have been forgotten just now
                 call()
+        return any_ready
 
     def close(self) -> None:
         """Stop watching everything."""

@@ -88,7 +88,8 @@ def stands_alone(actions: Actions) -> bool:
     motors to 0), for saying and for requesting. A robot that uses one of the others often follows it up with
     a motor command in the same cycle.
     """
-    moves = bool(actions.left_motor or actions.right_motor)
+    if actions.left_motor or actions.right_motor:
+        return True
     lights = any(led is not None for led in (actions.end_led, actions.returning_led, actions.visiting_led))
     commands = actions.left_motor is not None or actions.right_motor is not None
-    return moves or (commands and not lights)
+    return commands and not lights

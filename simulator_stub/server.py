@@ -15,6 +15,9 @@ from simulator_stub.transports import TRANSPORTS, Transport
 
 ANY_PORT_ATTEMPTS = 20
 
+LOOKS = 100
+"""Messages of one client at the most that are taken before a cycle, however many there are."""
+
 
 def open_transports(names: Sequence[str], host: str, port: int) -> list[Transport]:
     """Listen on all transports, with one port number.
@@ -116,7 +119,12 @@ class Server:
 
     def _poll(self, timeout: float) -> bool:
         if not self._stopping:
-            self._readiness.wait(timeout)
+            ready = self._readiness.wait(timeout)
+            if timeout == 0.0:  # take all that is there
+                for _ in range(LOOKS):
+                    if not ready or self._stopping:
+                        break
+                    ready = self._readiness.wait(0.0)
         return not self._stopping
 
     @contextlib.contextmanager

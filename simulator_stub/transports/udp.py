@@ -15,9 +15,6 @@ from simulator_stub.transports.base import Newcomer, Peer, Transport, Welcome
 READ_SIZE = 2048
 """Bytes read of a datagram: more than any message may have, so that one too long can be told."""
 
-READS_AT_A_TIME = 32
-"""Datagrams of one client before others have their turn."""
-
 Address = tuple[str, int]
 
 
@@ -107,15 +104,12 @@ class UdpPeer(Peer):
         self._socket = own
 
     def read(self) -> None:
-        """Take what is there: all that has arrived before a cycle counts in it."""
-        for _ in range(READS_AT_A_TIME):
-            try:
-                data = self._socket.recv(READ_SIZE)
-            except OSError:  # nothing there any more, or nobody was there for what was sent last
-                return
-            self.deliver(data)
-            if self.closed:
-                return
+        """Take one datagram."""
+        try:
+            data = self._socket.recv(READ_SIZE)
+        except OSError:  # nothing there after all, or nobody was there for what was sent last
+            return
+        self.deliver(data)
 
     def send(self, data: bytes) -> None:
         """Send a datagram; if it cannot be sent it is lost, as any datagram may be."""
