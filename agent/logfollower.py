@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from agent.runlog import parse_cycle, parse_header
@@ -73,7 +73,11 @@ class LogFollower:
 
 
 def follow(
-    path: Path, *, interval: float, parent: int | None = None, idle_limit: float | None = None
+    path: Path,
+    *,
+    interval: float,
+    ended: Callable[[], bool] = lambda: False,
+    idle_limit: float | None = None,
 ) -> Iterator[LogFollower]:
     """Follow a log for as long as it may grow.
 
@@ -83,8 +87,8 @@ def follow(
         It need not exist yet.
     interval : float
         Seconds between looks.
-    parent : int or None
-        End when the process that started this one is no longer this one.
+    ended : callable
+        Tells whether to end; what is new by then is still looked at.
     idle_limit : float or None
         End after so many seconds without news.
 
@@ -101,10 +105,10 @@ def follow(
     follower = LogFollower(path)
     news = time.monotonic()
     while True:
+        last = ended()
         if follower.poll():
             news = time.monotonic()
             yield follower
-        ended = parent is not None and os.getppid() != parent
-        if ended or (idle_limit is not None and time.monotonic() - news > idle_limit):
+        if last or (idle_limit is not None and time.monotonic() - news > idle_limit):
             return
         time.sleep(interval)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,7 @@ def show_overlays(
     lab: Lab,
     client: OverlayClient,
     *,
-    parent: int | None = None,
+    ended: Callable[[], bool] = lambda: False,
     idle_limit: float | None = None,
 ) -> None:
     """Send what a run's log says to a viewer, as long as the log grows.
@@ -46,8 +47,8 @@ def show_overlays(
     lab : Lab
         Of the run.
     client : OverlayClient
-    parent : int or None
-        Return when the process that started this one is no longer this one.
+    ended : callable
+        Tells whether to return; what is new by then is still shown.
     idle_limit : float or None
         Return after so many seconds without news.
 
@@ -60,7 +61,7 @@ def show_overlays(
 
     truth: GroundTruth | None = None
     beliefs: Array | None = None
-    for follower in follow(path, interval=INTERVAL, parent=parent, idle_limit=idle_limit):
+    for follower in follow(path, interval=INTERVAL, ended=ended, idle_limit=idle_limit):
         run = follower.run
         if run is None or not run.cycles:
             continue

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import math
 import os
+import select
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -282,24 +283,42 @@ def _watch_parser() -> OptionParser:
     add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl; may not exist yet")
     add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
     add("--once", action="store_true", help="show what is there and end")
-    add("--parent", type=int, metavar="PID", help="end with this process, which has started this one")
+    add("--until-eof", action="store_true", help="end when standard input ends, too")
     return parser
 
 
 def _watch(options: argparse.Namespace) -> None:
     from agent.watching import watch
 
-    # A signal is how a watch ends, and it has nothing to lose.
-    signal.signal(signal.SIGTERM, _end_now)
-    # With a parent, Ctrl-C is meant for the parent, which then ends this view.
-    signal.signal(signal.SIGINT, _end_now if options.parent is None else signal.SIG_IGN)
+    ended = _Ending(options.until_eof)
     lab, _, _ = read_lab_file(options.map)
     colour = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-    watch(options.run, lab, once=options.once, colour=colour, parent=options.parent)
+    watch(options.run, lab, once=options.once, colour=colour, ended=ended)
 
 
-def _end_now(number: int, frame: FrameType | None) -> None:
-    os._exit(0)
+class _Ending:
+    """Tells a view when to end: by a signal, or when standard input ends, too.
+
+    Parameters
+    ----------
+    until_eof : bool
+        Standard input is a pipe from the agent that started the view; it ends with the agent, however that
+        ends.
+    """
+
+    def __init__(self, until_eof: bool) -> None:
+        self._until_eof = until_eof
+        self._told = False
+        signal.signal(signal.SIGTERM, self._tell)
+        signal.signal(signal.SIGINT, self._tell)
+
+    def __call__(self) -> bool:
+        if self._until_eof and select.select([0], [], [], 0.0)[0]:
+            self._told = self._told or not os.read(0, 1024)
+        return self._told
+
+    def _tell(self, number: int, frame: FrameType | None) -> None:
+        self._told = True
 
 
 # --- overlay -------------------------------------------------------------------------------------
@@ -313,7 +332,7 @@ def _overlay_parser() -> OptionParser:
     add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl; may not exist yet")
     add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
     add("--viewer", default="", metavar="PORT", help="where the viewer takes overlays; default: 6001")
-    add("--parent", type=int, metavar="PID", help="end with this process, which has started this one")
+    add("--until-eof", action="store_true", help="end when standard input ends, too")
     return parser
 
 
@@ -323,12 +342,11 @@ def _overlay(options: argparse.Namespace) -> None:
     from ciberrato.net.overlay import OverlayClient
     from ciberrato.overlay import OVERLAY_PORT
 
-    signal.signal(signal.SIGTERM, _end_now)
-    signal.signal(signal.SIGINT, _end_now if options.parent is None else signal.SIG_IGN)
+    ended = _Ending(options.until_eof)
     lab, _, _ = read_lab_file(options.map)
     _, port = parse_address(f"127.0.0.1:{options.viewer or OVERLAY_PORT}")
     with OverlayClient(port=port) as client:
-        show_overlays(options.run, lab, client, parent=options.parent)
+        show_overlays(options.run, lab, client, ended=ended)
 
 
 @contextlib.contextmanager
@@ -346,15 +364,17 @@ def beside(log: Path, *views: Sequence[str]) -> Iterator[None]:
 
     log.unlink(missing_ok=True)
     command = [sys.executable, "-m", "agent"]
-    own = ["--parent", str(os.getpid())]
-    processes = [subprocess.Popen([*command, *view, *own], stdin=subprocess.DEVNULL) for view in views]
+    # A process group of their own: Ctrl-C is meant for the run. The end of the pipe ends them, when the log
+    # is complete, or when this process is no more.
+    processes = [
+        subprocess.Popen([*command, *view, "--until-eof"], stdin=subprocess.PIPE, process_group=0)
+        for view in views
+    ]
     try:
         yield
     finally:
         for process in processes:
-            process.terminate()
-        for process in processes:
-            process.wait()
+            process.communicate()
 
 
 _COMMANDS: dict[str, tuple[Callable[[], OptionParser], Callable[[argparse.Namespace], None]]] = {

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -33,7 +34,7 @@ def watch(
     out: TextIO | None = None,
     once: bool = False,
     colour: bool = True,
-    parent: int | None = None,
+    ended: Callable[[], bool] = lambda: False,
     idle_limit: float | None = None,
 ) -> None:
     """Show a run while it goes on, until the user interrupts.
@@ -50,8 +51,8 @@ def watch(
         Show what is there and return.
     colour : bool
         Use terminal colours.
-    parent : int or None
-        Return when the process that started this one is no longer this one.
+    ended : callable
+        Tells whether to return; what is new by then is still shown.
     idle_limit : float or None
         Return after so many seconds without news.
 
@@ -68,7 +69,7 @@ def watch(
         return
     print(_CLEAR_ALL, end="", file=out, flush=True)
     truth: GroundTruth | None = None
-    for follower in follow(path, interval=INTERVAL, parent=parent, idle_limit=idle_limit):
+    for follower in follow(path, interval=INTERVAL, ended=ended, idle_limit=idle_limit):
         text, truth = _screen_of(follower, lab, truth, colour)
         lines = text.split("\n")[: shutil.get_terminal_size().lines - 1]
         print(_HOME + "".join(line + _CLEAR_LINE + "\n" for line in lines) + _CLEAR_BELOW, end="", file=out)

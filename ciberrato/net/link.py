@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from ciberrato.errors import CiberratoError
 
@@ -13,6 +13,22 @@ class LinkError(CiberratoError):
 
 class LinkClosedError(LinkError):
     """The peer has closed the connection, or left it; registering again opens a new one."""
+
+
+class Arrival(NamedTuple):
+    """A message and when it arrived.
+
+    Attributes
+    ----------
+    data : bytes
+        With its terminator.
+    time : float or None
+        Seconds by the system's clock (`time.time`) at which this machine had it, however late it was taken;
+        None where the network does not tell.
+    """
+
+    data: bytes
+    time: float | None
 
 
 class Link(Protocol):
@@ -80,6 +96,15 @@ class Link(Protocol):
         ------
         LinkClosedError
             If the connection is gone and every complete message was delivered (TCP only).
+        """
+
+    def receive_arrivals(self) -> list[Arrival]:
+        """As `receive_waiting`, with the time of each message's arrival.
+
+        Raises
+        ------
+        LinkClosedError
+            See `receive_waiting`.
         """
 
     def fileno(self) -> int:

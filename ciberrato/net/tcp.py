@@ -9,7 +9,7 @@ import time
 
 from ciberrato.errors import ProtocolError
 from ciberrato.net.address import resolve
-from ciberrato.net.link import LinkClosedError, LinkError
+from ciberrato.net.link import Arrival, LinkClosedError, LinkError
 from ciberrato.protocol.framing import MessageSplitter
 
 _CONNECT_SECONDS = 2.0
@@ -112,6 +112,10 @@ class TcpLink:
             raise LinkClosedError(self._end)
         messages, self._complete = self._complete, []
         return messages
+
+    def receive_arrivals(self) -> list[Arrival]:
+        """Return them without times, which a stream does not have; see `Link.receive_arrivals`."""
+        return [Arrival(data, None) for data in self.receive_waiting()]
 
     def fileno(self) -> int:
         """Return the socket's descriptor; see `Link.fileno`."""

@@ -180,3 +180,16 @@ def test_the_same_messages_give_the_same_run(drive: Any, standard: Lab) -> None:
 def test_every_phase_can_be_left_but_the_last() -> None:
     assert {phase for phase, _ in TRANSITIONS} == set(Phase) - {Phase.HOLDING}
     assert {event for _, event in TRANSITIONS} == set(Event)
+
+
+def test_a_command_acts_in_the_first_cycle_whose_message_came_after_it_had_left(controller):
+    controller.observe(measures(0))
+    controller.sent(10.0)
+    first = controller.command_in_effect(None)
+    assert controller.command_in_effect(9.999) is None
+    assert controller.command_in_effect(10.001) == first
+    controller.observe(measures(1), arrived=10.05)
+    controller.sent(10.2)  # this process had no time: two more cycles were simulated meanwhile
+    second = controller.command_in_effect(None)
+    assert controller.command_in_effect(10.1) == first
+    assert controller.command_in_effect(10.25) == second

@@ -15,6 +15,7 @@ from agent.cli import main
 from agent.runlog import RunWriter, read_run
 from ciberrato.errors import LabError
 from ciberrato.net import LinkClosedError, LinkError
+from ciberrato.net.link import Arrival
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, Actions, Measures, Refusal, decode_actions, encode
 
@@ -30,6 +31,7 @@ class ScriptedLink:
         self.send_error: LinkError | None = None
         self._readable, self._other = socket.socketpair()
         self._other.send(b".")
+        self._looked = False
 
     def register(self, data: bytes) -> None: ...
 
@@ -44,6 +46,11 @@ class ScriptedLink:
         if not self.script:
             raise LinkClosedError("the simulator has closed the connection")
         return self.script.pop(0)
+
+    def receive_arrivals(self) -> list[Arrival]:
+        # The first look after each batch finds nothing more: what is in a batch is what came together.
+        self._looked = not self._looked
+        return [] if self._looked else [Arrival(data, None) for data in self.receive_waiting()]
 
     def fileno(self) -> int:
         return self._readable.fileno()
