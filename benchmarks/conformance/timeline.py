@@ -141,7 +141,7 @@ def read_timeline(path: Path, files: Path, moved: Collection[int] = ()) -> Timel
                     data=base64.b64decode(record["payload_b64"]),
                 )
             )
-    arguments = next(shlex.split(found[1]) for note in notes if (found := _ARGUMENTS.search(note)))
+    arguments = next((shlex.split(found[1]) for note in notes if (found := _ARGUMENTS.search(note))), [])
     timeline = Timeline(
         name=path.name.removesuffix(".jsonl.gz"),
         arguments=arguments,

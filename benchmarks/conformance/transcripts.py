@@ -16,6 +16,7 @@ from pathlib import Path
 
 from benchmarks.conformance.row import Row
 from benchmarks.conformance.timeline import Timeline, read_timeline
+from ciberrato.errors import CiberratoError
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Refusal, Registration, RobotRegistration, decode_registration, encode
 from simulator_stub.assembly import read_world
@@ -71,7 +72,11 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
     deliberate: dict[str, Counter[str]] = defaultdict(Counter)
     total = 0
     for path in paths:
-        result = replay(path, folder / "files")
+        try:
+            result = replay(path, folder / "files")
+        except CiberratoError as error:  # a file that it names is not here
+            yield Row(f"transcript {path.name.removesuffix('.jsonl.gz')}", 0, None, False, str(error))
+            continue
         special = result.deliberate.total()
         total += result.equal + special
         for reason, count in result.deliberate.items():

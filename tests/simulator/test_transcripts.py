@@ -93,3 +93,13 @@ def test_without_transcripts_the_check_says_so(tmp_path: Path) -> None:
     (row,) = transcripts.rows(tmp_path, None)
     assert (row.cases, row.passed) == (0, True)
     assert "skipped" in row.note
+
+
+def test_a_session_whose_files_are_absent_fails_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "transcripts"
+    folder.mkdir()
+    for name in ("09_score_gps_beacons", "09d_all_defaults"):
+        (folder / f"{name}.jsonl.gz").write_bytes((HERE / f"transcripts/{name}.jsonl.gz").read_bytes())
+    first, second = transcripts.rows(tmp_path, None)
+    assert (first.passed, second.passed) == (False, True)
+    assert "no such file" in first.note
