@@ -176,6 +176,9 @@ class PoseFilter:
     def _prepare(self, *, uniform: bool = True) -> None:
         """Make what depends on the tables."""
         self.belief = PoseBelief(self.tables.lattice, BINS, prune=self.settings.prune, uniform=uniform)
+        self._prepare_sensors()
+
+    def _prepare_sensors(self) -> None:
         resolution = self.tables.lattice.resolution
         self._codes = ReadingCodes(
             noise=self.parameters.obstacle_noise,
@@ -243,6 +246,10 @@ class PoseFilter:
             probability=found.probability,
             cell=(math.floor(y / 2.0), math.floor(x / 2.0)),
         )
+
+    def take_over_odometry(self, wheels: Command, time: int | None) -> None:
+        """Begin in the middle of a run, with what the wheels gave and the time of the last message."""
+        self._wheels, self._time = wheels, time
 
     # --- what happens -----------------------------------------------------------------------------------
 

@@ -11,7 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from agent.pose_filter.belief import PoseBelief
+from agent.pose_filter.challenge import PERIOD, Duel
 from agent.pose_filter.posefilter import Command, FilterSettings, PoseFilter
+from agent.pose_filter.symmetry import PoseScore
 from agent.pose_filter.tables import PoseTables
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
@@ -54,6 +56,9 @@ class StagedFilter(PoseFilter):
         self.fine_tables = fine
         """Tables of the fine lattice, as soon as they are there."""
         self._coarse = coarse
+        self._duel: Duel | None = None
+        self._waited = 0
+        self._score = PoseScore(lab, coarse.angles, parameters.obstacle_noise, parameters.compass_noise)
 
     @property
     def is_fine(self) -> bool:
@@ -67,14 +72,45 @@ class StagedFilter(PoseFilter):
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
         """See `PoseFilter.observe`."""
+        wheels, time = self._wheels, self._time
         super().observe(measures, command_in_effect)
+        self._challenge(measures, command_in_effect, wheels, time)
         if self.is_fine or self.fine_tables is None or self.belief.dense is not None:
             return
         if self.belief.states <= FEW:
             self._change(self.fine_tables, self._fine_settings)
 
+    def _challenge(
+        self, measures: Measures, command: Command | None, wheels: Command, time: int | None
+    ) -> None:
+        """Let a challenger take part, if it is time for one."""
+        if self.last_step is None or not self.last_step.motions:
+            return
+        if self._duel is None:
+            if super().estimate().certain:
+                self._waited += 1
+            if self._waited < PERIOD or self._lag > 0:
+                return
+            self._waited = 0
+            challenger = PoseFilter(self.lab, self._coarse, self.parameters, COARSE_SETTINGS)
+            challenger.take_over_odometry(wheels, time)
+            self._duel = Duel(challenger, self._score)
+        self._duel.challenger.observe(measures, command)
+        won = self._duel.judge(super().estimate(), self.last_step)
+        if won is None:
+            return
+        challenger, self._duel = self._duel.challenger, None
+        if won:
+            self.restarts.append(measures.time)
+            self.alarm_level = 0.0
+            self.tables, self.settings = self._coarse, COARSE_SETTINGS
+            self.belief = challenger.belief
+            self._prepare_sensors()
+            self._estimate = None
+
     def restart(self, time: int) -> None:
         """Forget everything, on the coarse lattice."""
+        self._duel = None
         if self.is_fine:
             self.tables, self.settings = self._coarse, COARSE_SETTINGS
             self._prepare(uniform=False)

@@ -115,6 +115,78 @@ def _looks_the_same(turn: Turn, walls: WallMap, places: Floats) -> bool:
     return bool(same.sum() >= _MUCH * len(alike))
 
 
+class PoseScore:
+    """How well poses explain what was sensed, by the exact sensor model.
+
+    Parameters
+    ----------
+    lab : Lab
+    angles : sequence of float
+        Mounting angles of the IR sensors in radians.
+    obstacle_noise, compass_noise : float
+        As announced.
+    """
+
+    def __init__(
+        self, lab: Lab, angles: tuple[float, ...], obstacle_noise: float, compass_noise: float
+    ) -> None:
+        self.walls = WallMap.from_lab(lab)
+        self._targets = lab.targets
+        self._angles = np.array(angles)
+        self._noise = obstacle_noise
+        self._compass_variance = (compass_noise**2 + 9.0) * math.radians(1.0) ** 2
+
+    def __call__(
+        self,
+        poses: Floats,
+        infrared: tuple[float | None, ...],
+        compass: float | None,
+        ground: int | None,
+    ) -> Floats:
+        """Score poses.
+
+        Parameters
+        ----------
+        poses : array, shape (n, 3)
+            Units and radians. The first is the reference: where expected readings are equal, so are scores.
+        infrared, compass, ground
+            As sensed.
+
+        Returns
+        -------
+        array, shape (n,)
+            Natural logarithms of likelihoods, each sensor's bounded below.
+        """
+        score = self._infrared_score(poses, infrared)
+        if compass is not None:
+            off = np.remainder(poses[:, 2] - math.radians(compass) + math.pi, 2.0 * math.pi) - math.pi
+            score -= np.minimum(0.5 * off**2 / self._compass_variance, 10.0)
+        if ground is not None:
+            score -= 3.0 * (self._grounds(poses) != ground)
+        score -= 10.0 * (self.walls.distance(poses[:, 0], poses[:, 1]) < ROBOT_RADIUS - 0.15)
+        return score
+
+    def _infrared_score(self, poses: Floats, infrared: tuple[float | None, ...]) -> Floats:
+        taken = [number for number, reading in enumerate(infrared) if reading is not None]
+        if not taken:
+            return np.zeros(len(poses))
+        readings = np.array([infrared[number] for number in taken], np.float64)
+        directions = poses[:, 2:] + self._angles[taken]
+        distances = sensor_distances(self.walls, poses[:, :1], poses[:, 1:2], directions)
+        expected = np.minimum(np.asarray(ideal_reading(distances), np.float64), 20.0)
+        variance = self._noise**2 + 0.001 + (0.1 * expected**2) ** 2
+        # The first row's variance for all: equal expectations shall give exactly equal scores.
+        misfit = 0.5 * (np.minimum(readings, 20.0) - expected) ** 2 / variance[:1]
+        return np.asarray(-np.minimum(misfit, 2.0).sum(axis=1))
+
+    def _grounds(self, poses: Floats) -> NDArray[np.int64]:
+        grounds = np.full(len(poses), -1)
+        for number, target in enumerate(self._targets):
+            distance = np.hypot(poses[:, 0] - target.x, poses[:, 1] - target.y)
+            grounds[distance <= target.radius - ROBOT_RADIUS] = number
+        return grounds
+
+
 class SymmetryCheck:
     """Gathers what tells an estimate from its turned images.
 
@@ -140,12 +212,8 @@ class SymmetryCheck:
         obstacle_noise: float,
         compass_noise: float,
     ) -> None:
-        self._walls = WallMap.from_lab(lab)
-        self.turns = find_turns(lab, self._walls, places, resolution)
-        self._targets = lab.targets
-        self._angles = np.array(angles)
-        self._noise = obstacle_noise
-        self._compass_variance = (compass_noise**2 + 9.0) * math.radians(1.0) ** 2
+        self._score = PoseScore(lab, angles, obstacle_noise, compass_noise)
+        self.turns = find_turns(lab, self._score.walls, places, resolution)
         self._evidence = np.zeros(len(self.turns))
         self._last: Pose | None = None
 
@@ -176,35 +244,9 @@ class SymmetryCheck:
         if not self.turns or self._evidence.min() > _DECIDED:
             return
         poses = np.array([pose, *(turn.apply(pose) for turn in self.turns)])
-        score = self._infrared_score(poses, infrared)
-        if compass is not None:
-            off = np.remainder(poses[:, 2] - math.radians(compass) + math.pi, 2.0 * math.pi) - math.pi
-            score -= np.minimum(0.5 * off**2 / self._compass_variance, 10.0)
-        if ground is not None:
-            score -= 3.0 * (self._grounds(poses) != ground)
-        score -= 10.0 * (self._walls.distance(poses[:, 0], poses[:, 1]) < ROBOT_RADIUS - 0.15)
+        score = self._score(poses, infrared, compass, ground)
         gained = 0.5 * (score[0] - score[1:])
         self._evidence = np.maximum(self._evidence + np.where(np.abs(gained) > 0.02, gained, 0.0), -5.0)
-
-    def _infrared_score(self, poses: Floats, infrared: tuple[float | None, ...]) -> Floats:
-        taken = [number for number, reading in enumerate(infrared) if reading is not None]
-        if not taken:
-            return np.zeros(len(poses))
-        readings = np.array([infrared[number] for number in taken], np.float64)
-        directions = poses[:, 2:] + self._angles[taken]
-        distances = sensor_distances(self._walls, poses[:, :1], poses[:, 1:2], directions)
-        expected = np.minimum(np.asarray(ideal_reading(distances), np.float64), 20.0)
-        variance = self._noise**2 + 0.001 + (0.1 * expected**2) ** 2
-        # The first row's variance for all: equal expectations shall give exactly equal scores.
-        misfit = 0.5 * (np.minimum(readings, 20.0) - expected) ** 2 / variance[:1]
-        return np.asarray(-np.minimum(misfit, 2.0).sum(axis=1))
-
-    def _grounds(self, poses: Floats) -> NDArray[np.int64]:
-        grounds = np.full(len(poses), -1)
-        for number, target in enumerate(self._targets):
-            distance = np.hypot(poses[:, 0] - target.x, poses[:, 1] - target.y)
-            grounds[distance <= target.radius - ROBOT_RADIUS] = number
-        return grounds
 
     def share(self) -> float:
         """Give the estimate's share of its own and its images' probability."""

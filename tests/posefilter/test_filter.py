@@ -237,11 +237,11 @@ def test_a_claim_in_a_lab_that_looks_the_same_turned_round_is_shared_with_its_im
         if count == 3:
             assert sorted(round(math.degrees(turn.angle)) for turn in check.turns) == [120, 240]
         for step in range(30):
-            pose = (9.0 + 0.05 * step, 10.5 - 0.02 * step, math.radians(40.0))
+            pose = (8.6 + 0.02 * step, 9.3 - 0.01 * step, math.radians(40.0))
             distances = sensor_distances(walls, pose[0], pose[1], pose[2] + np.array(angles))
             readings = tuple(np.round(ideal_reading(distances), 1).tolist())
             check.observe(pose, 0.06, readings, compass, -1)
         shares.append(check.share())
     assert shares[0] == pytest.approx(1.0 / 3.0, abs=0.02)
     assert shares[1] > 0.99
-    assert shares[2] > 0.6
+    assert shares[2] == pytest.approx(0.5, abs=0.02)  # one image is refuted by its missing block

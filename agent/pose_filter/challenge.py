@@ -1,0 +1,77 @@
+"""Doubts about a certain belief: now and then a second filter begins anew, and the poses are compared.
+
+A filter that has lost its robot may fit what is sensed better than an average place would, and never
+notice. So while a belief is certain, a challenger starts from all poses on the coarse lattice. If it
+comes to be certain of another pose, both poses are held against everything that is sensed from then on,
+by the exact sensor model, until one is refuted. The true pose does not lose such a duel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agent.pose_filter.estimate import PoseEstimate
+from agent.pose_filter.posefilter import FilterStep, PoseFilter
+from agent.pose_filter.symmetry import PoseScore
+
+PERIOD = 40
+"""Messages between the end of a challenge and the beginning of the next."""
+_LONGEST = 150
+_DECIDED = 6.0
+_SAME_PLACE = 0.7
+_SAME_HEADING = math.radians(20.0)
+_LIKELY = 0.2
+
+
+class Duel:
+    """A challenger's life.
+
+    Parameters
+    ----------
+    challenger : PoseFilter
+        Newly begun; it takes in what the champion does.
+    score : PoseScore
+    """
+
+    def __init__(self, challenger: PoseFilter, score: PoseScore) -> None:
+        self.challenger = challenger
+        self._score = score
+        self._age = 0
+        self.evidence = 0.0
+        """For the challenger, as a natural logarithm."""
+
+    def judge(self, champion: PoseEstimate, step: FilterStep) -> bool | None:
+        """Compare both poses with what was sensed.
+
+        Parameters
+        ----------
+        champion : PoseEstimate
+        step : FilterStep
+            The champion's, of the message that both have taken in.
+
+        Returns
+        -------
+        bool or None
+            Whether the challenger has won; None if it goes on.
+        """
+        self._age += 1
+        if self._age > _LONGEST:
+            return False
+        if self.challenger.belief.dense is not None:
+            return None
+        found = self.challenger.estimate()
+        if found.probability < _LIKELY:
+            return None
+        turn = abs(math.remainder(found.heading - champion.heading, 2.0 * math.pi))
+        if math.hypot(found.x - champion.x, found.y - champion.y) < _SAME_PLACE and turn < _SAME_HEADING:
+            return False
+        poses = np.array(
+            [(champion.x, champion.y, champion.heading), (found.x, found.y, found.heading)], np.float64
+        )
+        scores = self._score(poses, step.infrared, step.compass, step.ground)
+        self.evidence += 0.5 * float(scores[1] - scores[0])
+        if abs(self.evidence) < _DECIDED:
+            return None
+        return self.evidence > 0.0
