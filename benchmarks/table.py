@@ -17,7 +17,15 @@ import numpy as np
 from benchmarks.bandwidth import bytes_per_second
 from benchmarks.measure import Row
 
-MODULES = ("bandwidth", "bayes_lines", "bayes_poses", "agent_timing", "simulator_lockstep", "simulator_crowd")
+MODULES = (
+    "bandwidth",
+    "bayes_lines",
+    "bayes_poses",
+    "agent_timing",
+    "simulator_speed",
+    "simulator_lockstep",
+    "simulator_crowd",
+)
 """Modules of this package with `rows() -> Iterator[Row]`, in the order of the table. Add yours here."""
 
 

@@ -14,7 +14,7 @@ from ciberrato.bayes.sensors.normal import log_interval
 from ciberrato.geometry import WallMap
 from ciberrato.kinematics import ROBOT_RADIUS, wrap_angle
 from ciberrato.lab import CELL_SIZE, Lab
-from ciberrato.singlecone import single_cone_distance
+from ciberrato.singlecone import single_cone_distances
 from ciberrato.viewcone import HALF_APERTURE, cone_distances
 
 __all__ = [
@@ -108,13 +108,7 @@ def distances_at(walls: WallMap, x: float, y: float, directions: Iterable[float]
     list of float
         Units from each sensor; infinite where no wall is seen. Equal to `sensor_distances` within 1e-12.
     """
-    distances = []
-    for direction in directions:
-        axis = wrap_once(direction)
-        cosine, sine = math.cos(axis), math.sin(axis)
-        sensor_x, sensor_y = x + SENSOR_OFFSET * cosine, y + SENSOR_OFFSET * sine
-        distances.append(single_cone_distance(walls, sensor_x, sensor_y, axis, cosine, sine))
-    return distances
+    return single_cone_distances(walls, x, y, directions, SENSOR_OFFSET)
 
 
 def other_robot_distance(x: float, y: float, direction: float, other_x: float, other_y: float) -> float:

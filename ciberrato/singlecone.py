@@ -1,4 +1,4 @@
-"""The nearest wall in a sensor's view cone, for one sensor at a time.
+"""The nearest wall in the view cones of one robot's sensors, one after the other.
 
 The geometry is that of `ciberrato.viewcone`, where it is explained; the faces come nearest first, so that
 the loop ends after a few. No face is skipped that could come nearest, so the result does not depend on
@@ -7,59 +7,67 @@ their order: whoever does the same arithmetic on the same faces gets the same nu
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterable, Sequence
+from math import cos, floor, inf, pi, sin, sqrt, tan
 
 from ciberrato.anglerules import distance_by_angles
 from ciberrato.geometry import WallMap
 from ciberrato.viewcone import HALF_APERTURE, IN_LINE
-from ciberrato.viewlists import Seen
+from ciberrato.viewlists import SECTORS, SECTORS_PER_RADIAN, SQUARES_PER_UNIT, Seen
 
-COS, TAN = math.cos(HALF_APERTURE), math.tan(HALF_APERTURE)
+COS, TAN = cos(HALF_APERTURE), tan(HALF_APERTURE)
 
 BEYOND = 1.0 + 1e-9
 """A face whose line is farther than this times the nearest one is left out."""
 
+_TURN = 2 * pi
 
-def single_cone_distance(
-    walls: WallMap, x: float, y: float, direction: float, cosine: float, sine: float
-) -> float:
-    """Distance that a sensor takes: the least of three rays and of the corners in its cone.
+
+def single_cone_distances(
+    walls: WallMap, x: float, y: float, directions: Iterable[float], offset: float
+) -> list[float]:
+    """Distances that sensors take: the least of three rays and of the corners in the cone of each.
 
     Parameters
     ----------
     walls : WallMap
     x, y : float
-        Place of the sensor.
-    direction : float
-        Its axis in radians, within ±π.
-    cosine, sine : float
-        Of the direction.
+        Centre of the robot.
+    directions : iterable of float
+        The sensors' axes in radians, not wrapped yet.
+    offset : float
+        Units from the centre to each sensor.
 
     Returns
     -------
-    float
-        Units; infinite where no wall is seen.
+    list of float
+        Units from each sensor; infinite where no wall is seen.
     """
-    bounds, faces, reach = walls.views.ahead(x, y, direction)
-    nearest = _nearest(walls, x, y, direction, cosine, sine, bounds, faces)
-    if nearest > reach:
-        faces = walls.views.all_faces
-        nearest = _nearest(walls, x, y, direction, cosine, sine, [0.0] * len(faces), faces)
-    return nearest
+    distances = []
+    lists, more = walls.views.lists, walls.views.add
+    for direction in directions:
+        if direction > pi:
+            direction -= _TURN
+        elif direction < -pi:
+            direction += _TURN
+        cosine, sine = cos(direction), sin(direction)
+        sensor_x, sensor_y = x + offset * cosine, y + offset * sine
+        square = floor(sensor_x * SQUARES_PER_UNIT), floor(sensor_y * SQUARES_PER_UNIT)
+        sectors = lists.get(square) or more(square)
+        faces, reach = sectors[floor(direction * SECTORS_PER_RADIAN) % SECTORS]
+        nearest = _nearest(faces, sensor_x, sensor_y, cosine, sine)
+        if nearest > reach:
+            nearest = _nearest(walls.views.all_faces, sensor_x, sensor_y, cosine, sine)
+        if nearest < 0.0:
+            nearest = distance_by_angles(walls.nearby, sensor_x, sensor_y, direction)
+        distances.append(nearest)
+    return distances
 
 
-def _nearest(
-    walls: WallMap,
-    x: float,
-    y: float,
-    direction: float,
-    cosine: float,
-    sine: float,
-    bounds: list[float],
-    faces: list[Seen],
-) -> float:
-    nearest = beyond = math.inf
-    for bound, (x0, y0, ex, ey, length) in zip(bounds, faces, strict=True):
+def _nearest(faces: Sequence[Seen], x: float, y: float, cosine: float, sine: float) -> float:
+    """Distance of the nearest of some faces that come nearest first; -1 if the sensor lies on one."""
+    nearest = beyond = inf
+    for bound, x0, y0, ex, ey, length in faces:
         if bound >= nearest:
             return nearest
         dx, dy = x0 - x, y0 - y
@@ -74,12 +82,12 @@ def _nearest(
         lo_end, hi_end = lo + lo_slope, hi + hi_slope
         if -IN_LINE < area < IN_LINE:
             if dx * dx + dy * dy + dx * ex + dy * ey <= IN_LINE:
-                return distance_by_angles(walls.nearby, x, y, direction)
-            area = math.inf  # seen edge-on, a face counts by its corners alone
+                return -1.0
+            area = inf  # seen edge-on, a face counts by its corners alone
         elif (lo > 0.0 and lo_end > 0.0) or (hi <= 0.0 and hi_end <= 0.0):
             continue  # beside the cone, or behind
         if lo <= 0.0 < hi:
-            distance = math.sqrt(dx * dx + dy * dy)
+            distance = sqrt(dx * dx + dy * dy)
             if distance < nearest:
                 nearest = distance
         if (v > 0.0) != (v + ve > 0.0):

@@ -21,8 +21,11 @@ SQUARES_PER_UNIT = 2
 SECTORS = 8
 SECTORS_PER_RADIAN = SECTORS / (2.0 * math.pi)
 
-Seen = tuple[float, float, float, float, float]
-"""A face: start x and y, edge x and y (from start to end), length."""
+Seen = tuple[float, float, float, float, float, float]
+"""A face: lower bound of its distance, start x and y, edge x and y (from start to end), length."""
+
+SeenList = tuple[tuple[Seen, ...], float]
+"""Faces by ascending bound, and the bound of the nearest one that is not there; infinite if all are."""
 
 _HALF_APERTURE = math.pi / 6
 _MARGIN = 1e-6
@@ -40,13 +43,22 @@ class ViewLists:
     start, end, edge, direction : array, shape (faces, 2)
     length : array, shape (faces,)
         As in `ciberrato.geometry.WallMap`.
+
+    Attributes
+    ----------
+    lists : dict of (column, row) to tuple of SeenList
+        For each square that somebody has been in, what can be seen from it, by sector. Sector s begins at s
+        times 45 degrees, counter-clockwise.
+    all_faces : tuple of Seen
+        All faces, without bounds.
     """
 
     def __init__(self, start: Floats, end: Floats, edge: Floats, length: Floats, direction: Floats) -> None:
         self._start, self._end, self._length, self._direction = start, end, length, direction
         columns = [array.tolist() for array in (*start.T, *edge.T, length)]
-        self.all_faces: list[Seen] = list(zip(*columns, strict=True))
-        self._squares: dict[tuple[int, int], list[tuple[list[float], list[Seen], float]]] = {}
+        self._faces: list[tuple[float, float, float, float, float]] = list(zip(*columns, strict=True))
+        self.all_faces: tuple[Seen, ...] = tuple((-math.inf, *face) for face in self._faces)
+        self.lists: dict[tuple[int, int], tuple[SeenList, ...]] = {}
         low = np.arange(SECTORS) / SECTORS_PER_RADIAN - _HALF_APERTURE - _MARGIN
         high = np.arange(1, SECTORS + 1) / SECTORS_PER_RADIAN + _HALF_APERTURE + _MARGIN
         middle = (low + high) / 2.0
@@ -54,34 +66,33 @@ class ViewLists:
         self._across_x = np.stack((-np.sin(low), np.sin(high), np.cos(middle)))
         self._across_y = np.stack((np.cos(low), -np.cos(high), np.sin(middle)))
 
-    def ahead(self, x: float, y: float, direction: float) -> tuple[list[float], list[Seen], float]:
-        """Give the nearest faces that a cone can meet.
+    def add(self, square: tuple[int, int]) -> tuple[SeenList, ...]:
+        """Make the lists of a square.
 
         Parameters
         ----------
-        x, y : float
-            Place of the sensor, in units.
-        direction : float
-            Its axis in radians.
+        square : (int, int)
+            Column and row of its lower left corner, in half units.
 
         Returns
         -------
-        bounds : list of float
-            Lower bound of each face's distance, ascending.
-        faces : list of Seen
-            In the same order.
-        reach : float
-            Bound of the nearest face that is not in the list; infinite if all are.
+        tuple of SeenList
+            By sector.
         """
-        key = (math.floor(x * SQUARES_PER_UNIT), math.floor(y * SQUARES_PER_UNIT))
-        sectors = self._squares.get(key)
-        if sectors is None:
-            if len(self._squares) >= _MAX_SQUARES:
-                # Only who roams a very large lab comes here; the oldest squares are the ones left behind.
-                for old in list(islice(self._squares, _MAX_SQUARES // 4)):
-                    del self._squares[old]
-            sectors = self._squares[key] = self._list(*key)
-        return sectors[math.floor(direction * SECTORS_PER_RADIAN) % SECTORS]
+        if len(self.lists) >= _MAX_SQUARES:
+            # Only who roams a very large lab comes here; the oldest squares are the ones left behind.
+            for old in list(islice(self.lists, _MAX_SQUARES // 4)):
+                del self.lists[old]
+        (order,), (bounds,), (ahead,) = self.select(np.array([square[0]]), np.array([square[1]]))
+        sectors = []
+        for sector in range(SECTORS):
+            chosen = np.flatnonzero(ahead[sector])
+            reach = float(bounds[chosen[LONGEST]]) if chosen.size > LONGEST else math.inf
+            chosen = chosen[:LONGEST]
+            listed = zip(bounds[chosen].tolist(), order[chosen].tolist(), strict=True)
+            sectors.append((tuple([(bound, *self._faces[face]) for bound, face in listed]), reach))
+        self.lists[square] = tuple(sectors)
+        return self.lists[square]
 
     def select(self, column: Indices, row: Indices) -> tuple[Indices, Floats, Booleans]:
         """Find out what can be seen from squares.
@@ -118,14 +129,3 @@ class ViewLists:
             inside |= x * end[:, np.newaxis, :, 0] + y * end[:, np.newaxis, :, 1] >= limit
             ahead &= inside
         return order, np.take_along_axis(bounds, order, axis=1), ahead
-
-    def _list(self, column: int, row: int) -> list[tuple[list[float], list[Seen], float]]:
-        (order,), (bounds,), (ahead,) = self.select(np.array([column]), np.array([row]))
-        lists = []
-        for sector in range(SECTORS):
-            chosen = np.flatnonzero(ahead[sector])
-            reach = float(bounds[chosen[LONGEST]]) if chosen.size > LONGEST else math.inf
-            chosen = chosen[:LONGEST]
-            faces = [self.all_faces[face] for face in order[chosen].tolist()]
-            lists.append((bounds[chosen].tolist(), faces, reach))
-        return lists

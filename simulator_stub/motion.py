@@ -51,9 +51,10 @@ def _run_motors(robot: Robot, deviation: float) -> None:
         left_factor = 1.0 + deviation * left
     else:
         right_factor = left_factor = 1.0
-    robot.right_output = filter_power(robot.right_command, robot.right_output, right_factor)
-    robot.left_output = filter_power(robot.left_command, robot.left_output, left_factor)
-    robot.wanted = advance(robot.x, robot.y, robot.heading, robot.left_output, robot.right_output)
+    right_output = filter_power(robot.right_command, robot.right_output, right_factor)
+    left_output = filter_power(robot.left_command, robot.left_output, left_factor)
+    robot.right_output, robot.left_output = right_output, left_output
+    robot.wanted = advance(robot.x, robot.y, robot.heading, left_output, right_output)
 
 
 def _commit(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:

@@ -58,6 +58,9 @@ class Simulation:
         Everything random follows from it; of a generator, four numbers are drawn at once and none later.
     scoring : int
         Scoring mode.
+    compiled : bool
+        Compute IR distances in machine code made by numba, the optional extra ``fast``; the results are the
+        same to the last bit.
 
     Attributes
     ----------
@@ -89,8 +92,10 @@ class Simulation:
         parameters: Parameters | None = None,
         seed: int | np.random.Generator = 0,
         scoring: int = 0,
+        *,
+        compiled: bool = False,
     ) -> None:
-        self.world = World.build(lab, grid, parameters or Parameters())
+        self.world = World.build(lab, grid, parameters or Parameters(), compiled=compiled)
         self.scoring: Scoring = SCORINGS[scoring](self.world)
         self._noise = NoiseRoot.from_generator(np.random.default_rng(seed))
         self.worlds = 0

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from ciberrato.geometry import WallMap
+from ciberrato.infrared import distances_at
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 from ciberrato.startgrid import StartGrid
 from simulator_stub.floor import Floor
+
+Distances = Callable[[float, float, Sequence[float]], list[float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,6 +29,8 @@ class World:
         The obstacles of the lab, border included.
     floor : Floor
         What line sensors see.
+    distances : callable
+        Of x, y and the axes of IR sensors in radians: the distances that they take.
     """
 
     lab: Lab
@@ -32,13 +38,19 @@ class World:
     parameters: Parameters
     walls: WallMap
     floor: Floor
+    distances: Distances
     _hiding: dict[float, WallMap] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def build(cls, lab: Lab, grid: StartGrid, parameters: Parameters) -> World:
+    def build(cls, lab: Lab, grid: StartGrid, parameters: Parameters, *, compiled: bool = False) -> World:
         """Put the pieces together and index the walls."""
         walls, floor = _index(lab)
-        return cls(lab=lab, grid=grid, parameters=parameters, walls=walls, floor=floor)
+        distances: Distances = partial(distances_at, walls)
+        if compiled:
+            from simulator_stub.batch.compiled import compiled_distances
+
+            distances = compiled_distances(walls)
+        return cls(lab=lab, grid=grid, parameters=parameters, walls=walls, floor=floor, distances=distances)
 
     def walls_hiding(self, height: float) -> WallMap:
         """Return the walls that hide a beacon of some height: those at least as high, border included."""

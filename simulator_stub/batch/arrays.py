@@ -12,6 +12,7 @@ from simulator_stub.batch.infrared import cone_distances
 from simulator_stub.batch.motion import cosines_and_sines, touching, wrap
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.state import BatchState
+from simulator_stub.floor import inside_any
 from simulator_stub.sensors.ground import NOWHERE
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
 
@@ -115,9 +116,10 @@ def line(plan: BatchPlan, state: BatchState, noise: Floats | None) -> NDArray[np
     floor = plan.world.floor
     places = zip(ahead_x.tolist(), ahead_y.tolist(), cosine.tolist(), sine.tolist(), strict=True)
     for robot, (x, y, along, across) in enumerate(places):
-        if floor.is_near_mark(x, y):
+        outlines = floor.around(x, y)
+        if outlines:
             for element, side in enumerate(SIDEWAYS):
-                marks[robot, element] = floor.is_marked(x - side * across, y + side * along)
+                marks[robot, element] = inside_any(outlines, x - side * across, y + side * along)
     if noise is not None:
         marks ^= noise >= plan.world.parameters.line_sensor_true_probability
     return marks

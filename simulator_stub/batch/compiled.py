@@ -6,11 +6,14 @@ The functions for one robot decide there. The few other sensors are the same as 
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.geometry import WallMap
 from ciberrato.infrared import SENSOR_OFFSET, distances_at, ideal_reading, round_reading
 from ciberrato.kinematics import ROBOT_RADIUS
 from simulator_stub.batch import loops
@@ -18,6 +21,7 @@ from simulator_stub.batch.arrays import compass, ground
 from simulator_stub.batch.floortables import FloorTables
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.state import BatchState
+from simulator_stub.batch.tables import tables_of
 from simulator_stub.floor import Floor
 from simulator_stub.sensors.line import SIDEWAYS
 
@@ -95,6 +99,23 @@ def _complete(plan: BatchPlan, state: BatchState, noise: Floats, readings: Float
         readings[robot, sensor] = round_reading(reading)
 
 
+def compiled_distances(walls: WallMap) -> Callable[[float, float, Sequence[float]], list[float]]:
+    """Make `ciberrato.infrared.distances_at` for some walls in machine code."""
+    tables = tables_of(walls)
+
+    def distances(x: float, y: float, directions: Sequence[float]) -> list[float]:
+        found: tuple[float, ...] = loops.distances(
+            x, y, tuple(directions), tables.faces, tables.row_of, tables.seen
+        )
+        if math.isnan(sum(found)):
+            axes = np.array(directions)
+            tables.rows_at(x + SENSOR_OFFSET * np.cos(axes), y + SENSOR_OFFSET * np.sin(axes))
+            return distances_at(walls, x, y, directions)
+        return list(found)
+
+    return distances
+
+
 def line(plan: BatchPlan, state: BatchState, noise: Floats | None) -> NDArray[np.bool_]:
     """Read the line sensors, as `simulator_stub.batch.arrays.line`."""
     floor = _floor_tables(plan.world.floor)
@@ -103,7 +124,7 @@ def line(plan: BatchPlan, state: BatchState, noise: Floats | None) -> NDArray[np
         (state.x, state.y, state.heading),
         plan.world.parameters.line_sensor_true_probability if noise is not None else 1.0,
         _NO_NOISE if noise is None else noise,
-        (*floor.origin, floor.near, floor.first, floor.polygons, floor.corner_first, floor.corners),
+        (*floor.origin, floor.first, floor.polygons, floor.corner_first, floor.corners),
         marks,
     )
     return marks

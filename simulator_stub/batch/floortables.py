@@ -21,8 +21,6 @@ class FloorTables:
     ----------
     origin : (int, int)
         Column and row of the first square.
-    near : array of bool, shape (squares up, squares right)
-        Whether any point in the squares around is marked.
     first : array of int, shape (squares up, squares right + 1)
         Where in `polygons` the list of each square begins; it ends where that of the next one begins.
     polygons : array of int
@@ -34,13 +32,10 @@ class FloorTables:
     """
 
     def __init__(self, floor: Floor) -> None:
-        columns = [column for column, _ in floor.near_squares] or [0]
-        rows = [row for _, row in floor.near_squares] or [0]
+        columns = [column for column, _ in floor.squares] or [0]
+        rows = [row for _, row in floor.squares] or [0]
         self.origin = (min(columns), min(rows))
         shape = (max(rows) - min(rows) + 1, max(columns) - min(columns) + 1)
-        self.near = np.zeros(shape, np.bool_)
-        for column, row in floor.near_squares:
-            self.near[row - self.origin[1], column - self.origin[0]] = True
         outlines = list(dict.fromkeys(polygon for listed in floor.squares.values() for polygon in listed))
         number_of = {polygon: number for number, polygon in enumerate(outlines)}
         sizes = [len(polygon) for polygon in outlines]

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ciberrato.singlecone import COS, TAN, single_cone_distance
+from ciberrato.singlecone import COS, TAN, single_cone_distances
 from ciberrato.viewcone import IN_LINE
 from ciberrato.viewlists import LONGEST, SECTORS, SECTORS_PER_RADIAN
 from simulator_stub.batch.tables import NOWHERE, LabTables
@@ -60,8 +60,8 @@ def cone_distances(
             break
     alone[waiting] = True  # the list ends before the nearest wall
     for sensor in np.flatnonzero(alone).tolist():
-        place = (float(array[sensor]) for array in (x, y, direction, cosine, sine))
-        nearest[sensor] = single_cone_distance(tables.walls, *place)
+        place = float(x[sensor]), float(y[sensor])
+        nearest[sensor] = single_cone_distances(tables.walls, *place, [float(direction[sensor])], 0.0)[0]
     return nearest
 
 

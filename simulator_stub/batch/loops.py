@@ -120,17 +120,8 @@ def infrared(pose, angles, deviation, noise, faces, row_of, seen, readings):
     count = 0
     for robot in range(xs.size):
         for sensor in range(angles.size):
-            axis = _wrap(headings[robot] + angles[sensor])
-            cosine, sine = math.cos(axis), math.sin(axis)
-            x = xs[robot] + SENSOR_OFFSET * cosine
-            y = ys[robot] + SENSOR_OFFSET * sine
-            row = _row_at(row_of, x, y)
-            distance = math.nan
-            if row >= 0:
-                sector = math.floor(axis * SECTORS_PER_RADIAN) % SECTORS
-                distance = _nearest(faces, seen, row, sector, x, y, cosine, sine)
-                if distance > seen[row, sector, LONGEST, 0]:
-                    distance = _nearest_of_all(faces, x, y, cosine, sine)
+            axis = headings[robot] + angles[sensor]
+            distance = _distance(faces, row_of, seen, xs[robot], ys[robot], axis)
             if math.isnan(distance):
                 readings[robot, sensor] = math.nan
                 count += 1
@@ -140,6 +131,33 @@ def infrared(pose, angles, deviation, noise, faces, row_of, seen, readings):
                 reading += deviation * noise[robot, sensor]
             readings[robot, sensor] = math.floor(10.0 * reading + 0.5) / 10.0
     return count
+
+
+@_jit
+def distances(x, y, directions, faces, row_of, seen):
+    """Give the distances that the four sensors of one robot take, as a tuple; nan where undecided."""
+    return (
+        _distance(faces, row_of, seen, x, y, directions[0]),
+        _distance(faces, row_of, seen, x, y, directions[1]),
+        _distance(faces, row_of, seen, x, y, directions[2]),
+        _distance(faces, row_of, seen, x, y, directions[3]),
+    )
+
+
+@_jit
+def _distance(faces, row_of, seen, robot_x, robot_y, direction):
+    axis = _wrap(direction)
+    cosine, sine = math.cos(axis), math.sin(axis)
+    x = robot_x + SENSOR_OFFSET * cosine
+    y = robot_y + SENSOR_OFFSET * sine
+    row = _row_at(row_of, x, y)
+    if row < 0:
+        return math.nan
+    sector = math.floor(axis * SECTORS_PER_RADIAN) % SECTORS
+    distance = _nearest(faces, seen, row, sector, x, y, cosine, sine)
+    if distance > seen[row, sector, LONGEST, 0]:
+        distance = _nearest_of_all(faces, x, y, cosine, sine)
+    return distance
 
 
 @_jit
@@ -207,27 +225,25 @@ def _nearer(faces, face, nearest, x, y, cosine, sine):
 def line(pose, right_probability, noise, floor, marks):
     """Fill in `marks`; `floor` is a tuple of what a `FloorTables` has."""
     xs, ys, headings = pose
-    origin_column, origin_row, near, first, polygons, corner_first, corners = floor
+    origin_column, origin_row, first, polygons, corner_first, corners = floor
     for robot in range(xs.size):
         cosine, sine = math.cos(headings[robot]), math.sin(headings[robot])
         ahead_x = xs[robot] + AHEAD * cosine
         ahead_y = ys[robot] + AHEAD * sine
         column = math.floor(ahead_x * FLOOR_SQUARES_PER_UNIT) - origin_column
         row = math.floor(ahead_y * FLOOR_SQUARES_PER_UNIT) - origin_row
-        looks = 0 <= row < near.shape[0] and 0 <= column < near.shape[1] and near[row, column]
+        begin = end = 0
+        if 0 <= row < first.shape[0] and 0 <= column < first.shape[1] - 1:
+            begin, end = first[row, column], first[row, column + 1]
         for element in range(_SIDEWAYS.size):
+            x = ahead_x - _SIDEWAYS[element] * sine
+            y = ahead_y + _SIDEWAYS[element] * cosine
             mark = False
-            if looks:
-                x = ahead_x - _SIDEWAYS[element] * sine
-                y = ahead_y + _SIDEWAYS[element] * cosine
-                column = math.floor(x * FLOOR_SQUARES_PER_UNIT) - origin_column
-                row = math.floor(y * FLOOR_SQUARES_PER_UNIT) - origin_row
-                if 0 <= row < near.shape[0] and 0 <= column < near.shape[1]:
-                    for index in range(first[row, column], first[row, column + 1]):
-                        polygon = polygons[index]
-                        if _inside(corners, corner_first[polygon], corner_first[polygon + 1], x, y):
-                            mark = True
-                            break
+            for index in range(begin, end):
+                polygon = polygons[index]
+                if _inside(corners, corner_first[polygon], corner_first[polygon + 1], x, y):
+                    mark = True
+                    break
             if right_probability < 1.0 and noise[robot, element] >= right_probability:
                 mark = not mark
             marks[robot, element] = mark

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from ciberrato.kinematics import ROBOT_RADIUS
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 from ciberrato.startgrid import StartGrid
-from simulator_stub.batch.tables import LabTables
+from simulator_stub.batch.tables import LabTables, tables_of
 from simulator_stub.world import World
 
 
@@ -57,9 +56,10 @@ class BatchPlan:
         line_sensor: bool,
     ) -> BatchPlan:
         """Work out the rest."""
+        lab_world = World.build(lab, StartGrid(), parameters)
         return cls(
-            world=World.build(lab, StartGrid(), parameters),
-            tables=_tables(lab),
+            world=lab_world,
+            tables=tables_of(lab_world.walls),
             worlds=worlds,
             angles=tuple(angle / 180.0 * math.pi for angle in sensor_angles),
             motor_deviation=parameters.motors_noise / 100.0,
@@ -70,9 +70,3 @@ class BatchPlan:
                 [(target.x, target.y, target.radius - ROBOT_RADIUS) for target in lab.targets]
             ).reshape(-1, 3),
         )
-
-
-@lru_cache(maxsize=8)
-def _tables(lab: Lab) -> LabTables:
-    """Make the tables of a lab, once for all batches in it."""
-    return LabTables(World.build(lab, StartGrid(), Parameters()).walls)

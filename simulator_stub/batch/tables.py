@@ -7,6 +7,7 @@ found in it.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +122,12 @@ class LabTables:
             self.touched_count[rows] = (bounds < ROBOT_RADIUS).sum(axis=1)
             self.row_of.ravel()[some] = np.arange(rows.start, rows.stop)
             self._rows += some.size
+
+
+@lru_cache(maxsize=16)
+def tables_of(walls: WallMap) -> LabTables:
+    """Make the tables for walls, or give those that were made for the same ones."""
+    return LabTables(walls)
 
 
 def _round_down(bounds: Floats) -> NDArray[np.float32]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET, distances_at, other_robot_distance
+from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET, other_robot_distance
 from ciberrato.kinematics import ROBOT_RADIUS
 from simulator_stub.sensors.base import Delay, Scene, Sensor
 
@@ -43,7 +43,7 @@ class InfraredSensors(Sensor):
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure the distances and turn them into readings."""
         directions = [robot.heading + angle for angle in self._angles]
-        distances = distances_at(self.world.walls, robot.x, robot.y, directions)
+        distances = self.world.distances(robot.x, robot.y, directions)
         for other in scene.robots if len(scene.robots) > 1 else ():
             # No part of the other is nearer to any sensor than this: mostly a wall is.
             least = math.hypot(other.x - robot.x, other.y - robot.y) - REACH

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simulator_stub.floor import inside_any
 from simulator_stub.sensors.base import Scene, Sensor
 
 if TYPE_CHECKING:
@@ -58,10 +59,10 @@ class LineSensor(Sensor):
         cosine, sine = math.cos(robot.heading), math.sin(robot.heading)
         ahead_x, ahead_y = robot.x + AHEAD * cosine, robot.y + AHEAD * sine
         marks = 0
-        floor = self.world.floor
-        if floor.is_near_mark(ahead_x, ahead_y):
+        outlines = self.world.floor.around(ahead_x, ahead_y)
+        if outlines:
             for side in SIDEWAYS:
-                marks = 2 * marks + floor.is_marked(ahead_x - side * sine, ahead_y + side * cosine)
+                marks = 2 * marks + inside_any(outlines, ahead_x - side * sine, ahead_y + side * cosine)
         wrong = self._wrong[scene.running]
         if not wrong:
             wrong += self._draw_wrong(self.noise[scene.running])

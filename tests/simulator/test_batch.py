@@ -162,6 +162,27 @@ def test_places_that_the_tables_leave_open(compiled: bool, quiet: Parameters) ->
     assert (batch.collisions > 0).sum() >= 2
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not NUMBA, reason="numba is not installed")
+@pytest.mark.parametrize("name", ["maze", "rooms"])
+def test_a_single_simulation_in_machine_code_is_the_same(name: str, quiet: Parameters) -> None:
+    lab = read_lab(find_lab(name))
+    rng = np.random.default_rng(9)
+    starts = np.concatenate((free_starts(lab, 2, rng), lattice_starts(lab, 4, rng), [(-40.0, 5.0, 0.0)]))
+    for start in starts:
+        x, y, direction = (float(number) for number in start)
+        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction), GridPosition(x=5, y=5)))
+        runs = []
+        for compiled in (False, True):
+            simulation = Simulation(lab, grid, replace(quiet, sim_time=0), compiled=compiled)
+            for _ in grid.positions:
+                simulation.register(RobotRegistration())
+            simulation.launch()
+            drives = [Actions(left_motor=left, right_motor=0.1) for left in (0.1, 0.08, 0.11)]
+            runs.append([simulation.step({1: drives[cycle // 15 % 3]}) for cycle in range(90)])
+        assert runs[0] == runs[1]
+
+
 @pytest.fixture
 def maze() -> Lab:
     return read_lab(find_lab("maze"))
