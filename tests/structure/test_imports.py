@@ -21,7 +21,7 @@ ALLOWED = {
     "benchmarks": PACKAGES,
 }
 # Slow to load: only inside the functions that use them.
-LAZY = {"scipy", "matplotlib", "numba", "lxml"}
+LAZY = {"scipy", "matplotlib", "numba"}
 
 
 def modules(package):
