@@ -10,6 +10,7 @@ _HALT = 2.6  # and at which to stop
 _IN_THE_WAY = 1.8
 _SIDE_NEAR = 3.2  # reading to the side from which on to keep away
 _SIDE_HALT = 9.0
+_CREEP = 0.25
 _MOST_STEER = 0.03
 
 
@@ -76,7 +77,8 @@ class Bumper:
         """Fraction of the cruising speed that is safe, from 0 to 1."""
         ahead = min(max((_HALT - self.ahead) / (_HALT - _SLOW), 0.0), 1.0)
         sides = max(self.left, self.right)
-        beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), 0.0), 1.0)
+        # A wall that the robot touches with its side is no reason to stay there for ever.
+        beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
         return min(0.25 + 0.75 * ahead if ahead > 0.0 else 0.0, beside)
 
     @property

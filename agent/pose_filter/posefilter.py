@@ -159,8 +159,7 @@ class PoseFilter:
         self._estimate: PoseEstimate | None = None
         self._symmetry = SymmetryCheck(
             lab,
-            tables.lattice.representative,
-            tables.lattice.resolution,
+            tables.symmetries(lab),
             tables.angles,
             parameters.obstacle_noise,
             parameters.compass_noise,

@@ -193,10 +193,8 @@ class SymmetryCheck:
     Parameters
     ----------
     lab : Lab
-    places : array, shape (n, 2)
-        Free places of the lab, in units.
-    resolution : float
-        Of the filter's lattice.
+    turns : list of Turn
+        As of `find_turns`.
     angles : sequence of float
         Mounting angles of the IR sensors in radians.
     obstacle_noise, compass_noise : float
@@ -206,14 +204,13 @@ class SymmetryCheck:
     def __init__(
         self,
         lab: Lab,
-        places: Floats,
-        resolution: float,
+        turns: list[Turn],
         angles: tuple[float, ...],
         obstacle_noise: float,
         compass_noise: float,
     ) -> None:
         self._score = PoseScore(lab, angles, obstacle_noise, compass_noise)
-        self.turns = find_turns(lab, self._score.walls, places, resolution)
+        self.turns = turns
         self._evidence = np.zeros(len(self.turns))
         self._last: Pose | None = None
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from agent.pose_filter.distance_table import tabulate_distances
 from agent.pose_filter.lattice import Lattice, build_lattice
 from agent.pose_filter.reading_codes import encode
+from agent.pose_filter.symmetry import Turn, find_turns
 from ciberrato.geometry import WallMap
 from ciberrato.lab import Lab
 
@@ -70,7 +71,16 @@ class PoseTables:
     codes: tuple[Codes, ...]
     sensors: tuple[tuple[int, int], ...]
     fractions: tuple[float, ...] = ()
+    _turns: list[list[Turn]] = field(default_factory=list)
     _shares: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def symmetries(self, lab: Lab) -> list[Turn]:
+        """Give the turns under which the lab looks the same, see `agent.pose_filter.symmetry`; found once."""
+        if not self._turns:
+            lattice = self.lattice
+            walls = WallMap.from_lab(lab)
+            self._turns.append(find_turns(lab, walls, lattice.representative, lattice.resolution))
+        return self._turns[0]
 
     @property
     def angles(self) -> tuple[float, ...]:

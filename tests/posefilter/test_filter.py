@@ -199,7 +199,7 @@ def test_smoothing_knows_the_start_that_filtering_could_not(small_lab, fine_tabl
 
 def test_a_claim_in_a_lab_that_looks_the_same_turned_round_is_shared_with_its_images():
     from agent.pose_filter.lattice import build_lattice
-    from agent.pose_filter.symmetry import SymmetryCheck
+    from agent.pose_filter.symmetry import SymmetryCheck, find_turns
     from ciberrato.geometry import WallMap
     from ciberrato.infrared import ideal_reading, sensor_distances
     from ciberrato.lab import Lab, Wall
@@ -233,7 +233,7 @@ def test_a_claim_in_a_lab_that_looks_the_same_turned_round_is_shared_with_its_im
         lab = star(count)
         walls = WallMap.from_lab(lab)
         places = build_lattice(lab, 2.0 / 9.0).representative
-        check = SymmetryCheck(lab, places, 2.0 / 9.0, angles, 0.1, 2.0)
+        check = SymmetryCheck(lab, find_turns(lab, walls, places, 2.0 / 9.0), angles, 0.1, 2.0)
         if count == 3:
             assert sorted(round(math.degrees(turn.angle)) for turn in check.turns) == [120, 240]
         for step in range(30):
