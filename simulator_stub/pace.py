@@ -193,4 +193,8 @@ class Lockstep(Pace):
 
 
 def _all_answered(awaited: list[RobotSeat]) -> bool:
-    return all(seat.answered or seat.peer.closed for seat in awaited)
+    # A plain loop: this is asked at every wake-up.
+    for seat in awaited:  # noqa: SIM110
+        if not (seat.answered or seat.peer.closed):
+            return False
+    return True
