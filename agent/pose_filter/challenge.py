@@ -13,7 +13,8 @@ import math
 import numpy as np
 
 from agent.pose_filter.estimate import PoseEstimate
-from agent.pose_filter.posefilter import FilterStep, PoseFilter
+from agent.pose_filter.posefilter import PoseFilter
+from agent.pose_filter.records import FilterStep
 from agent.pose_filter.symmetry import PoseScore
 
 PERIOD = 40

@@ -29,6 +29,7 @@ Command = tuple[float, float]
 Input = tuple[Measures, Command | None]
 
 _BUDGET = 0.5
+_AT_REST = 30  # messages without a command in a row; by then the wheels have long come to rest
 
 
 @dataclass(slots=True)
@@ -98,10 +99,11 @@ class LiveFilter:
         self._budget = _BUDGET * parameters.cycle_time / 1000.0 if budget is None else budget
         self._clock = clock
         self.history: list[Input] = []
-        """All messages, each with the command that was in effect before it."""
+        """The messages, each with the command that was in effect before it; of a long rest only some."""
         self.filter: StagedFilter | None = None
         """None until there are tables."""
         self._taken = 0
+        self._rested = 0
         self.statistics = LiveStatistics()
 
     @property
@@ -119,7 +121,7 @@ class LiveFilter:
             See `PoseFilter.observe`.
         """
         begin = self._clock()
-        self.history.append((measures, command_in_effect))
+        self._remember(measures, command_in_effect)
         self._look_for_tables()
         end = begin + self._budget
         if self.filter is not None:
@@ -133,6 +135,16 @@ class LiveFilter:
                 self.statistics.fine = measures.time
             self.statistics.milliseconds.append(1000.0 * (self._clock() - begin))
             self.statistics.lags.append(self.lag)
+
+    def _remember(self, measures: Measures, command: Command | None) -> None:
+        """Add a message to the history; of many at rest only the first few and the newest are kept."""
+        resting = command is None or command == (0.0, 0.0)
+        self._rested = self._rested + 1 if resting else 0
+        if self._rested > _AT_REST:
+            self.history[-1] = (measures, command)
+            self._taken = min(self._taken, len(self.history) - 1)
+        else:
+            self.history.append((measures, command))
 
     def finish(self) -> StagedFilter:
         """Wait for the fine tables and take in everything that is still waiting, whatever it takes.

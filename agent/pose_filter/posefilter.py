@@ -16,7 +16,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +31,7 @@ from agent.pose_filter.evidence import (
     weigh_collision,
 )
 from agent.pose_filter.reading_codes import ReadingCodes
+from agent.pose_filter.records import FilterSettings, FilterStep, Motion
 from agent.pose_filter.symmetry import SymmetryCheck
 from agent.pose_filter.tables import BINS, PoseTables
 from ciberrato.kinematics import ROBOT_RADIUS, advance, clamp_power, filter_power, wrap_angle
@@ -43,48 +43,7 @@ Floats = NDArray[np.float64]
 Command = tuple[float, float]
 
 _DEGREE = math.pi / 180.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FilterSettings:
-    """What can be tuned. The defaults were chosen on labs other than those on which the filter is judged.
-
-    Attributes
-    ----------
-    exponent : float
-        Power to which the likelihood of a cycle is raised at most.
-    least_exponent : float
-        The same for a robot that stands.
-    place_spread : float
-        Distances spread over a square by this many resolutions (even distribution).
-    turn_spread : float
-        Distances spread over a bin by this many times distance and bin width.
-    outlier : float
-        Probability that a reading has nothing to do with the expected one.
-    place_floor, turn_floor : float
-        Standard deviation added per cycle of motion, in units and degrees, besides the motors' noise.
-    diffusion_period : int
-        Cycles between two spreadings of the belief.
-    prune : float
-        Weight of the states that may be given up at once.
-    alarm : float
-        Evidence (natural logarithm of a likelihood ratio) that the robot is elsewhere at which the filter
-        starts anew.
-    alarm_slack : float
-        Evidence for the belief that a cycle must bring, so as not to count against it.
-    """
-
-    exponent: float = 0.4
-    least_exponent: float = 0.02
-    place_spread: float = 1.5
-    turn_spread: float = 0.6
-    outlier: float = 0.02
-    place_floor: float = 0.02
-    turn_floor: float = 0.4
-    diffusion_period: int = 6
-    prune: float = 1e-5
-    alarm: float = 10.0
-    alarm_slack: float = 0.0
+_LONG_REST = 20  # messages after which a robot at rest is told nothing new
 
 
 class _Tick(NamedTuple):
@@ -95,25 +54,6 @@ class _Tick(NamedTuple):
     compass: float | None
     collision: bool | None
     ground: int | None
-
-
-class Motion(NamedTuple):
-    """What the wheels did in a cycle, in units, and whether a wall was in the way (None: not known)."""
-
-    left: float
-    right: float
-    collision: bool | None
-
-
-class FilterStep(NamedTuple):
-    """What the filter made of a message: the motions before it, what was sensed, and how far to trust it."""
-
-    motions: tuple[Motion, ...]
-    infrared: tuple[float | None, ...]
-    compass: float | None
-    ground: int | None
-    exponent: float
-    time: int
 
 
 class PoseFilter:
@@ -307,6 +247,8 @@ class PoseFilter:
         progress = moved / self.tables.lattice.resolution + turned / self.belief.bin_width
         if progress < 1e-3:
             self._rested += 1
+            if self._rested > _LONG_REST:
+                return 0.0
             return settings.exponent if self._rested == 1 else settings.least_exponent / self._rested
         self._rested = 0 if progress > 0.1 else self._rested
         return settings.exponent * min(max(progress, settings.least_exponent), 1.0)

@@ -12,7 +12,8 @@ import numpy as np
 
 from agent.pose_filter.belief import PoseBelief
 from agent.pose_filter.challenge import PERIOD, Duel
-from agent.pose_filter.posefilter import Command, FilterSettings, PoseFilter
+from agent.pose_filter.posefilter import Command, PoseFilter
+from agent.pose_filter.records import FilterSettings
 from agent.pose_filter.symmetry import PoseScore
 from agent.pose_filter.tables import PoseTables
 from ciberrato.lab import Lab

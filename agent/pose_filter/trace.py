@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from agent.pose_filter.belief import PoseBelief
 from agent.pose_filter.estimate import PoseEstimate, estimate
 from agent.pose_filter.live import Input
-from agent.pose_filter.posefilter import FilterSettings, FilterStep, PoseFilter
+from agent.pose_filter.posefilter import PoseFilter
+from agent.pose_filter.records import FilterSettings, FilterStep
 from agent.pose_filter.tables import PoseTables
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters

@@ -112,7 +112,7 @@ def test_the_likelihood_of_a_square_is_the_mean_over_its_distances():
         samples = np.maximum(distance + spread * quantiles, 1e-3)
         mass = np.exp(reading_log_likelihood(reading, ideal_reading(samples), 0.1)).mean(axis=0)
         got = np.exp(codes.log_likelihood(reading))
-        likely = mass > 0.02 * mass.max()
+        likely = mass > 0.2 * mass.max()  # the tails are for the outliers
         assert got[likely] == pytest.approx((mass / mass.max())[likely], rel=0.15, abs=0.02)
 
 

@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import types
+
+import pytest
+
+from agent.live_controller import LiveController
+from agent.pose_filter.live import LiveFilter
+from agent.runlog import RunHeader, read_run
+from ciberrato.parameters import Parameters
+from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.startgrid import GridPosition, StartGrid
+from simulator_stub.simulation import Simulation
+
+ANGLES = (0.0, 60.0, -60.0, 180.0)
+PARAMETERS = Parameters(sim_time=0)
+
+
+def simulation(lab, start=(1.0, 4.2, 77.0)):
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    world = Simulation(lab, grid, PARAMETERS, 1)
+    robot = world.register(RobotRegistration(name="g", sensor_angles=tuple(enumerate(ANGLES))))
+    return world, robot, world.launch()[robot]
+
+
+def tables_from(coarse=None, fine=None):
+    return types.SimpleNamespace(coarse=coarse, fine=fine, error=None, wait=lambda: True)
+
+
+def test_what_does_not_fit_into_a_cycle_waits_and_nothing_is_lost(small_lab, coarse_tables, fine_tables):
+    worker = tables_from()
+    ticks = itertools.count()
+    live = LiveFilter(small_lab, PARAMETERS, worker, budget=2.5, clock=lambda: float(next(ticks)))
+    world, robot, measures = simulation(small_lab)
+    command = None
+    for cycle in range(60):
+        live.observe(measures, command)
+        if cycle < 20:
+            assert live.estimate() is None
+        if cycle == 20:
+            worker.coarse, worker.fine = coarse_tables, fine_tables
+        if cycle == 30:
+            assert live.lag == 31 - 2 * 10  # two messages fit into a cycle
+        command = (0.05, 0.09)
+        measures = world.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
+    assert live.lag == 0
+    assert live.finish().last_step is not None
+    assert len(live.history) == 60
+
+
+def test_an_estimate_that_is_behind_is_carried_on_by_dead_reckoning(small_lab, coarse_tables, fine_tables):
+    worker = tables_from(coarse_tables, fine_tables)
+    stopped = [False]
+    ticks = itertools.count()
+    live = LiveFilter(
+        small_lab, PARAMETERS, worker, budget=1e6, clock=lambda: next(ticks) + 1e9 * stopped[0] * next(ticks)
+    )
+    world, robot, measures = simulation(small_lab)
+    command = None
+    for cycle in range(130):
+        stopped[0] = cycle >= 120
+        live.observe(measures, command)
+        command = (-0.05, 0.05) if cycle % 40 < 30 else (0.08, 0.08)
+        pose = world.poses()[0]
+        measures = world.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
+    found = live.estimate()
+    assert live.lag >= 9
+    assert found is not None
+    assert math.hypot(found.x - pose[0], found.y - pose[1]) < 0.2
+    assert abs(math.remainder(found.heading - pose[2], 2 * math.pi)) < math.radians(8.0)
+
+
+def test_the_controller_logs_what_the_filter_knows(small_lab, coarse_tables, fine_tables):
+    from agent.drives import make_drive
+
+    live = LiveFilter(small_lab, PARAMETERS, tables_from(coarse_tables, fine_tables), budget=1e6)
+    header = RunHeader(lab_name="small", lab_sha256="", parameters=PARAMETERS, sensor_angles=ANGLES)
+    controller = LiveController(
+        header, live, make_drive("active", small_lab, PARAMETERS, ANGLES), exit_when_finished=True
+    )
+    world, robot, measures = simulation(small_lab)
+    cycles = []
+    while controller.ended is None and len(cycles) < 200:
+        cycle, actions = controller.observe(measures)
+        cycles.append(cycle)
+        if actions is not None:
+            pose = world.poses()[0]
+            measures = world.step({robot: actions})[robot]
+    assert controller.ended == "localized"
+    x, y, heading, probability = cycles[-1].estimate
+    assert probability > 0.95
+    assert math.hypot(x - pose[0], y - pose[1]) < 0.3
+    assert abs(math.remainder(heading - math.degrees(pose[2]), 360.0)) < 8.0
+    assert cycles[0].entropy > cycles[-1].entropy + 5.0
+    assert {cycle.phase for cycle in cycles} == {"active"}
+
+
+@pytest.mark.slow
+def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
+    lab = tmp_path / "small_lab.xml"
+    lab.write_text(
+        '<Lab Name="small" Height="6" Width="8"><Wall Height="4">'
+        '<Corner X="1.9" Y="2"/><Corner X="2.1" Y="2"/><Corner X="2.1" Y="6"/>'
+        '<Corner X="1.9" Y="6"/></Wall></Lab>'
+    )
+    environment = os.environ | {"CIBERRATO_CACHE": str(tmp_path / "cache")}
+    command = [sys.executable, "-m", "simulator_stub", "--lab", str(lab), "--grid", "1,4.2,77", "--port", "0"]
+    simulator = subprocess.Popen(
+        [*command, "--autostart", "1", "--seed", "3", "--lockstep"], stdout=subprocess.PIPE, text=True
+    )
+    options = ["--angles", "0,60,-60,180", "--drive", "goto:7,5", "--exit-when-finished", "--smooth"]
+    try:
+        assert simulator.stdout is not None
+        simulator.stdout.readline()
+        port = re.search(r":(\d+)$", simulator.stdout.readline())
+        assert port is not None
+        agent = subprocess.run(
+            [sys.executable, "-m", "agent", "-h", f"127.0.0.1:{port[1]}", "-m", str(lab), *options],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=90,
+            check=False,
+        )
+    finally:
+        simulator.send_signal(signal.SIGTERM)
+        simulator.wait()
+        simulator.stdout.close()
+    assert agent.returncode == 0, agent.stderr
+    assert "the pose is known" in agent.stderr
+    last = read_run(tmp_path / "run.jsonl").cycles[-1]
+    assert last.leds[0]
+    assert last.estimate is not None
+    assert math.hypot(last.estimate[0] - 7.0, last.estimate[1] - 5.0) < 0.3
+    from agent.belieffile import read_beliefs
+
+    blocks = read_beliefs(tmp_path / "localization.out")[0].beliefs
+    assert blocks.shape[1:] == (3, 4)
+    assert blocks[1][2, 0] > 0.9  # the start cell, known from the whole run
+    assert blocks[-1][2, 3] > 0.9
