@@ -95,7 +95,11 @@ class Stream:
 
     def normal(self) -> float:
         """Return the next standard normal number."""
-        return self.normals(1)[0]
+        number = self._next
+        if number == len(self._normals):
+            return self.normals(1)[0]
+        self._next = number + 1
+        return self._normals[number]
 
     def normals(self, count: int) -> list[float]:
         """Return the next standard normal numbers, at most `BLOCK` of them.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ciberrato.kinematics import clamp_power
+from ciberrato.kinematics import MAX_POWER, clamp_power
 from ciberrato.lab import Beacon
 from ciberrato.protocol import Actions
 from ciberrato.protocol.limits import SAY_LIMIT
@@ -194,6 +194,8 @@ class Robot:
 
 
 def _usable(power: float) -> float:
+    if -MAX_POWER <= power <= MAX_POWER:
+        return power
     if math.isnan(power):
         raise ValueError("a motor command must be a number, not NaN")
     return clamp_power(power)

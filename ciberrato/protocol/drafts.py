@@ -10,6 +10,8 @@ from typing import Any
 
 from ciberrato.protocol.messages import Measures
 
+NOTHING_SEEN = (None, None, None, None)
+
 
 class MeasuresDraft:
     """The fields of `Measures`, not frozen yet: time, LEDs and buttons have to be set, the rest may be."""
@@ -19,7 +21,7 @@ class MeasuresDraft:
     def __init__(self) -> None:
         draft: Any = self
         draft.collision = draft.compass = draft.ground = draft.gps = draft.line = draft.score = None
-        draft.infrared = (None, None, None, None)
+        draft.infrared = NOTHING_SEEN
         draft.beacons = draft.messages = ()
 
     def finish(self) -> Measures:

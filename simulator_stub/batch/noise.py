@@ -24,7 +24,7 @@ _ROBOT = 1
 
 
 class _Block:
-    """Numbers for some cycles; shape (worlds, cycles, numbers a cycle)."""
+    """Numbers for some cycles; shape (cycles, worlds, numbers a cycle)."""
 
     __slots__ = ("following", "numbers")
 
@@ -56,7 +56,8 @@ class _Source:
                 generator.standard_normal(out=world)
             else:
                 generator.random(out=world)
-        return _Block(numbers)
+        # Those of one cycle side by side: they are read together.
+        return _Block(np.ascontiguousarray(numbers.transpose(1, 0, 2)))
 
 
 class BatchStream:
@@ -82,7 +83,7 @@ class BatchStream:
         self, roots: Sequence[NoiseRoot], use: str, count: int, *, running: bool, normal: bool = True
     ) -> None:
         self._source = _Source(roots, use, count, running=running, normal=normal)
-        self._block = _Block(np.empty((len(roots), 0, count)))  # where the chain begins: no numbers yet
+        self._block = _Block(np.empty((0, len(roots), count)))  # where the chain begins: no numbers yet
         self._next = 0
 
     def copy(self) -> BatchStream:
@@ -99,11 +100,11 @@ class BatchStream:
         array, shape (worlds, count)
             To look at only.
         """
-        if self._next == self._block.numbers.shape[1]:
+        if self._next == len(self._block.numbers):
             if self._block.following is None:
                 self._block.following = self._source.draw()
             self._block = self._block.following
             self._next = 0
-        numbers = self._block.numbers[:, self._next]
+        numbers: Floats = self._block.numbers[self._next]
         self._next += 1
         return numbers

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ciberrato.kinematics import wrap_angle
+from ciberrato.angles import wrap_once
 from simulator_stub.sensors.base import Delay, Scene, Sensor
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class CompassSensor(Sensor):
 
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure the heading in degrees."""
-        angle = wrap_angle(robot.heading + self._deviation * self.noise[scene.running].normal())
+        angle = wrap_once(robot.heading + self._deviation * self.noise[scene.running].normal())
         self.reading = self._delay.pass_through(float(math.floor(angle * 180.0 / math.pi + 0.5)))
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
