@@ -14,7 +14,7 @@ help:  ## list the targets
 # The stamp holds the environment: it is made again when pyproject.toml changes.
 $(VENV)/.stamp: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --editable '.[dev,fast]'
 	@touch $@
 
 setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
