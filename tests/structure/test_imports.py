@@ -139,3 +139,39 @@ def test_modules_stay_small():
         if (lines := len(path.read_text().splitlines())) > 420
     }
     assert not long
+
+
+def names_of_modules():
+    return {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for package in existing()
+        for path in modules(package)
+    }
+
+
+def imported_modules(path, known):
+    """Modules of this house that a file loads when it is loaded itself."""
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        # Types may know one another, and what a function imports is loaded when it is called.
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            node.body = []
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            node.body = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in known)
+        elif isinstance(node, ast.ImportFrom) and node.module in known:
+            inside = {f"{node.module}.{alias.name}" for alias in node.names} & known
+            yield from inside
+            if len(inside) < len(node.names):
+                yield node.module
+
+
+def test_no_module_imports_itself_by_a_detour():
+    import graphlib
+
+    paths = names_of_modules()
+    graph = {name: set(imported_modules(path, set(paths))) - {name} for name, path in paths.items()}
+    order = list(graphlib.TopologicalSorter(graph).static_order())  # CycleError names a circle
+    assert len(order) == len(paths) > 200
