@@ -154,9 +154,8 @@ def imported_modules(path, known):
     tree = ast.parse(path.read_text())
     for node in ast.walk(tree):
         # Types may know one another, and what a function imports is loaded when it is called.
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            node.body = []
-        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+        later = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        if later or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)):
             node.body = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
