@@ -160,6 +160,8 @@ class LiveSession(Session):
         self._stop(link)
         begin = time.monotonic()
         self._live.finish()
+        assert self._tables is not None
+        self._tables.stop()
         self._reporter.say(self._live.statistics.line())
         if time.monotonic() - begin > 1.0:
             self._reporter.say(f"caught up in {time.monotonic() - begin:.1f} s")
@@ -174,7 +176,7 @@ class LiveSession(Session):
         assert self._live is not None
         assert self._tables is not None
         settings = self._settings
-        tables = self._tables.fine
+        tables = self._tables.fine or self._tables.coarse
         assert tables is not None
         self._reporter.say(f"{reason}; finishing: writing {settings.output} (signals are ignored until then)")
         assert self._header is not None

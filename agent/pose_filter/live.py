@@ -29,6 +29,7 @@ Command = tuple[float, float]
 Input = tuple[Measures, Command | None]
 
 _BUDGET = 0.5
+_POLL = 0.05  # seconds
 _AT_REST = 30  # messages without a command in a row; by then the wheels have long come to rest
 
 
@@ -147,7 +148,7 @@ class LiveFilter:
             self.history.append((measures, command))
 
     def finish(self) -> StagedFilter:
-        """Wait for the fine tables and take in everything that is still waiting, whatever it takes.
+        """Take in everything that is still waiting; without any tables yet, wait for the first.
 
         Returns
         -------
@@ -158,7 +159,8 @@ class LiveFilter:
         Exception
             Whatever stopped the worker.
         """
-        self._worker.wait()
+        while self.filter is None and not self._worker.wait(_POLL):
+            self._look_for_tables()
         self._look_for_tables()
         assert self.filter is not None
         self._taken = self._feed(self.filter, self._taken, math.inf)

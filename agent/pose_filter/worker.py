@@ -88,7 +88,8 @@ class TableWorker:
             self.coarse = self._get("coarse", coarse or COARSE)
             self.fine = self._get("fine", fine or FINE)
         except BaseException as error:
-            self.error = error
+            if not self._stopped:
+                self.error = error
         finally:
             self._done.set()
 
