@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from agent.runrecords import DistanceModel
-    from ciberrato.lab import Lab
+    from ciberrato.lab import Lab, Wall
     from ciberrato.parameters import Parameters
 
 Angles = tuple[float, float, float, float]
@@ -166,11 +166,18 @@ def standing_room(lab: Lab) -> NDArray[np.bool_]:
     from ciberrato.infrared import cell_centres
     from ciberrato.kinematics import ROBOT_RADIUS
 
-    # Lines on the floor are polygons too, but a robot may stand on them.
-    obstacles = tuple(wall for wall in lab.walls if wall.height > 0.0)
-    walls = WallMap.from_lab(dataclasses.replace(lab, walls=obstacles))
     x, y = cell_centres(lab)[..., 0], cell_centres(lab)[..., 1]
-    return (walls.distance(x, y) >= ROBOT_RADIUS) & ~walls.point_in_polygons(x, y)
+    free = ~WallMap.from_lab(lab).obstructs(x, y, x, y, ROBOT_RADIUS)
+    # Clear of all faces a robot may still be inside a wall, if the wall is thick enough to hold it. (Lines on
+    # the floor are polygons too, but a robot may stand on them.)
+    thick = tuple(wall for wall in lab.walls if wall.height > 0.0 and _thickness(wall) >= 2.0 * ROBOT_RADIUS)
+    return free & ~WallMap.from_lab(dataclasses.replace(lab, walls=thick)).point_in_polygons(x, y)
+
+
+def _thickness(wall: Wall) -> float:
+    """Give the smaller side of a wall's bounding box: it is nowhere thicker."""
+    xs, ys = [x for x, _ in wall.corners], [y for _, y in wall.corners]
+    return min(max(xs) - min(xs), max(ys) - min(ys))
 
 
 class GroundTruthWorker:
