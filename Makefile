@@ -46,6 +46,7 @@ bench: $(VENV)/.stamp  ## speed, as ratios to plain references; writes build/ben
 	$(BIN)/python -m benchmarks
 
 figures: $(VENV)/.stamp  ## the pictures of the manual, into docs/figures (the screenshots need Chromium)
+	$(BIN)/python -m examples.agent_figures docs/figures
 	$(BIN)/python -m examples.viewer_figures docs/figures
 
 clean:  ## remove what the other targets made

@@ -1,0 +1,87 @@
+"""Every figure of the agent, for the manual, from one run of the demonstration.
+
+``python -m examples.agent_figures FOLDER`` runs simulator and agent once and draws what docs/figures.md
+lists.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from agent.cli import main as agent
+from ciberrato.errors import UsageError
+from examples.demo import demonstrate
+
+ANIMATION_FRAME = 34
+"""Which frame of the animation is shown as a picture: one with the robot on its way."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Draw all figures.
+
+    Parameters
+    ----------
+    argv : sequence of str or None
+        The folder to write to.
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
+    words = sys.argv[1:] if argv is None else list(argv)
+    if len(words) != 1:
+        print("usage: python -m examples.agent_figures FOLDER", file=sys.stderr)
+        return 2
+    target = Path(words[0])
+    target.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        run = Path(scratch)
+        demonstrate(run, 7)
+        draw_all(run, target)
+    return 0
+
+
+def draw_all(run: Path, target: Path) -> None:
+    """Draw what docs/figures.md lists.
+
+    Parameters
+    ----------
+    run : Path
+        Folder of a demonstration's files.
+    target : Path
+        Where the figures go.
+
+    Raises
+    ------
+    UsageError
+        If one of them cannot be made.
+    """
+    beliefs, log, truth = (str(run / name) for name in ("localization.out", "run.jsonl", "truth.csv"))
+    known = ["--run", log, "--truth", truth]
+    seed = str(run / "seed.out")
+    for words in (
+        ["draw", "walls", "-m", "rooms", "-o", str(target / "agent-walls.png")],
+        ["draw", "cones", "-m", "standard", "--cell", "5,7", "-o", str(target / "agent-cones.png")],
+        ["draw", "table", "-m", "standard", "-o", str(target / "agent-table.png")],
+        ["draw", "beliefs", "--beliefs", beliefs, *known, "-o", str(target / "agent-beliefs.png")],
+        ["draw", "curves", "--beliefs", beliefs, *known, "-o", str(target / "agent-curves.png")],
+        ["draw", "errors", *known, "-o", str(target / "agent-errors.png")],
+        ["localize", log, "-m", "standard", "--preset", "seed", "-o", seed, "--quiet"],
+        ["compare", seed, beliefs, "-m", "standard", "--png", str(target / "agent-differences.png")],
+        ["animate", log, "-m", "standard", "--truth", truth, "-o", str(run / "run.gif")],
+    ):
+        if agent(words):
+            raise UsageError(f"ciberrato-agent {' '.join(words)} failed")
+    from PIL import Image
+
+    with Image.open(run / "run.gif") as animation:
+        animation.seek(min(ANIMATION_FRAME, getattr(animation, "n_frames", 1) - 1))
+        animation.convert("RGB").save(target / "agent-animation.png")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
