@@ -82,7 +82,7 @@ def test_the_two_terminals(tmp_path):
     simulator = process(find("ciberrato-simulator --lab corridors"), *pace, folder=tmp_path)
     with watchdog(simulator):
         port = read_until(simulator, r"listening on udp 127\.0\.0\.1:(\d+)")[1]
-        agent = process(find("ciberrato-agent -m"), "-h", f"127.0.0.1:{port}", folder=tmp_path)
+        agent = process(find("ciberrato-agent -m corridors"), "-h", f"127.0.0.1:{port}", folder=tmp_path)
         with watchdog(agent):
             read_until(agent, "wall ahead")
             agent.send_signal(signal.SIGINT)
@@ -129,3 +129,12 @@ def test_the_demo_ends_where_the_readme_says(tmp_path):
         "run.jsonl",
         "truth.csv",
     }
+
+
+def test_every_run_of_the_agent_is_one_that_its_command_line_takes():
+    from agent.commands import SHOW_COMMANDS, _run_parser
+
+    subcommands = ("localize", "inspect", *SHOW_COMMANDS)
+    runs = [shlex.split(command)[1:] for command in commands() if command.startswith("ciberrato-agent ")]
+    parsed = [_run_parser().parse_args(words) for words in runs if words[0] not in subcommands]
+    assert [options.drive for options in parsed] == [("right", None), ("goto", (27.0, 13.0))]
