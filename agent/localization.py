@@ -11,7 +11,49 @@ from agent.localizer import Localization, Preset, localize
 
 if TYPE_CHECKING:
     from agent.ground_truth import GroundTruth
-    from agent.runrecords import RecordedRun
+    from agent.runrecords import RecordedRun, RunHeader
+    from ciberrato.lab import Lab
+
+
+def ground_truth_of(header: RunHeader, lab: Lab) -> GroundTruth:
+    """Work out the tables that the filter needs for a run.
+
+    Parameters
+    ----------
+    header : RunHeader
+        Sensor angles, announced noise and distance model of the run.
+    lab : Lab
+
+    Returns
+    -------
+    GroundTruth
+    """
+    from agent.ground_truth import compute_ground_truth
+
+    return compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
+
+
+def localize_run(run: RecordedRun, truth: GroundTruth, *, preset: Preset | None = None) -> Localization:
+    """Run the filter over the steps of a recorded run, as far as it goes.
+
+    Parameters
+    ----------
+    run : RecordedRun
+    truth : GroundTruth
+        For the lab and the sensor angles of the run.
+    preset : {"seed", "calibrated"} or None
+        None = that of the run.
+
+    Returns
+    -------
+    Localization
+    """
+    return localize(
+        [step.readings for step in run.steps],
+        truth,
+        preset=run.header.preset if preset is None else preset,
+        obstacle_noise=run.header.parameters.obstacle_noise,
+    )
 
 
 def write_localization(
@@ -39,12 +81,7 @@ def write_localization(
     UsageError
         If the file cannot be written.
     """
-    localization = localize(
-        [step.readings for step in run.steps],
-        truth,
-        preset=preset,
-        obstacle_noise=run.header.parameters.obstacle_noise,
-    )
+    localization = localize_run(run, truth, preset=preset)
     write_beliefs(output, localization.beliefs, precision)
     return localization
 

@@ -48,12 +48,11 @@ def localize(words: Sequence[str], interrupts: Interrupts) -> int:
     run, lab = _read(options)
     if not run.steps:
         raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
-    from agent.ground_truth import compute_ground_truth
-    from agent.localization import print_localization, write_localization
+    from agent.localization import ground_truth_of, print_localization, write_localization
 
     interrupts.arm()  # from here on a signal must not harm the file
     header = run.header
-    tables = compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
+    tables = ground_truth_of(header, lab)
     preset = header.preset if options.preset is None else options.preset
     precision = header.precision if options.precision is None else options.precision
     localization = write_localization(run, tables, preset=preset, output=options.output, precision=precision)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.localizer import localize
+from agent.localization import ground_truth_of, localize_run
 from agent.logfollower import follow
 from agent.runrecords import RecordedRun
 from agent.summary import peak
@@ -57,8 +57,6 @@ def show_overlays(
     LabError
         If the file is not the log of a run.
     """
-    from agent.ground_truth import compute_ground_truth
-
     truth: GroundTruth | None = None
     beliefs: Array | None = None
     for follower in follow(path, interval=INTERVAL, ended=ended, idle_limit=idle_limit):
@@ -66,24 +64,12 @@ def show_overlays(
         if run is None or not run.cycles:
             continue
         if truth is None:
-            header = run.header
-            truth = compute_ground_truth(
-                lab, header.sensor_angles, header.parameters, model=header.distance_model
-            )
+            truth = ground_truth_of(run.header, lab)
         live = run.cycles[-1].estimate is not None
         if not live and run.steps and (beliefs is None or len(beliefs) != len(run.steps) + 1):
-            beliefs = _filtered(run, truth)
+            beliefs = localize_run(run, truth).beliefs
             client.send(belief_overlay(run, beliefs))
         client.send(pose_overlay(run, beliefs))
-
-
-def _filtered(run: RecordedRun, truth: GroundTruth) -> Array:
-    return localize(
-        [step.readings for step in run.steps],
-        truth,
-        preset=run.header.preset,
-        obstacle_noise=run.header.parameters.obstacle_noise,
-    ).beliefs
 
 
 def belief_overlay(run: RecordedRun, beliefs: Array) -> OverlayMessage:

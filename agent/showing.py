@@ -249,8 +249,7 @@ def _animate_parser() -> OptionParser:
 
 def _animate(options: argparse.Namespace) -> None:
     from agent.figures.animation import animate_run, check_animation
-    from agent.ground_truth import compute_ground_truth
-    from agent.localizer import localize
+    from agent.localization import ground_truth_of, localize_run
     from agent.runlog import read_run
     from agent.truthfile import read_truth
 
@@ -259,14 +258,7 @@ def _animate(options: argparse.Namespace) -> None:
         raise UsageError(f"--every: {options.every} is not a number of cycles, 1 or more")
     run, (lab, _, _) = read_run(options.run), read_lab_file(options.map)
     poses = None if options.truth is None else read_truth(options.truth)
-    header = run.header
-    truth = compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
-    found = localize(
-        [step.readings for step in run.steps],
-        truth,
-        preset=header.preset,
-        obstacle_noise=header.parameters.obstacle_noise,
-    )
+    found = localize_run(run, ground_truth_of(run.header, lab))
     frames = animate_run(run, found.beliefs, lab, options.output, truth=poses, every=options.every)
     print(f"animation: {options.output}, {frames} frames")
 

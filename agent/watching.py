@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.localizer import localize
+from agent.localization import ground_truth_of, localize_run
 from agent.logfollower import LogFollower, follow
 from agent.runrecords import RecordedRun
 from agent.summary import heat_map, step_table
@@ -79,13 +79,8 @@ def watch(
 def _screen_of(
     follower: LogFollower, lab: Lab, truth: GroundTruth | None, colour: bool
 ) -> tuple[str, GroundTruth | None]:
-    from agent.ground_truth import compute_ground_truth
-
     if follower.header is not None and truth is None:
-        header = follower.header
-        truth = compute_ground_truth(
-            lab, header.sensor_angles, header.parameters, model=header.distance_model
-        )
+        truth = ground_truth_of(follower.header, lab)
     size = shutil.get_terminal_size()
     return screen(follower.run, truth, width=size.columns, height=size.lines, colour=colour), truth
 
@@ -132,12 +127,7 @@ def screen(
         f"way {last.displacement:.2f}  beside {last.lateral:+.2f}  heading {last.heading:+.1f}°",
         "",
     ]
-    found = localize(
-        [step.readings for step in run.steps],
-        truth,
-        preset=header.preset,
-        obstacle_noise=header.parameters.obstacle_noise,
-    )
+    found = localize_run(run, truth)
     table = step_table(found.beliefs).split("\n")
     picture = heat_map(found.beliefs[-1], width=width, colour=colour).split("\n")
     room = height - 1 - len(lines) - len(picture) - 2
