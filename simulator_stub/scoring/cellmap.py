@@ -6,7 +6,7 @@ from ciberrato.geometry import WallMap
 from ciberrato.lab import CELL_SIZE, Lab
 from simulator_stub.scoring.cells import STEPS, Cell, cell_of, is_open
 from simulator_stub.scoring.textmap import START, TextMap
-from simulator_stub.scoring.tours import Links, tour_lines
+from simulator_stub.scoring.tours import Links, planning_text
 
 FREE = "X"
 
@@ -55,12 +55,9 @@ class CellMap:
 
     def planning(self) -> str:
         """Write planning.out: the map with the numbers of the targets, the best tour, its length."""
-        drawing = self._draw()
         targets = self._lab.targets[: len(self._lab.beacons)]
         places = [cell_of(target.x, target.y) for target in targets]
-        for number, (column, row) in enumerate(places):
-            drawing.draw(2 * (column - self._start[0]), 2 * (row - self._start[1]), str(number)[-1])
-        return str(drawing) + tour_lines(places, self._links)
+        return planning_text(self._draw(), places, self._start, self._links)
 
     def _draw(self) -> TextMap:
         drawing = TextMap(4 * self._lab.columns - 1, 4 * self._lab.rows - 1)

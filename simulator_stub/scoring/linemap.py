@@ -8,7 +8,7 @@ from ciberrato.lab import CELL_SIZE, Lab
 from simulator_stub.floor import Floor
 from simulator_stub.scoring.circuits import DIRECTIONS
 from simulator_stub.scoring.textmap import START, TextMap
-from simulator_stub.scoring.tours import Links, tour_lines
+from simulator_stub.scoring.tours import Links, planning_text
 
 Node = tuple[int, int]
 """Column and row of a place where both coordinates are even: half of them."""
@@ -65,12 +65,9 @@ class LineMap:
 
     def planning(self) -> str:
         """Write planning.out: the lines with the numbers of the targets, the best tour, its length."""
-        drawing = self._draw()
         targets = self._lab.targets[: len(self._lab.beacons)]
         places = [_node_of(target.x, target.y) for target in targets]
-        for number, (column, row) in enumerate(places):
-            drawing.draw(2 * (column - self._start[0]), 2 * (row - self._start[1]), str(number)[-1])
-        return str(drawing) + tour_lines(places, self.links)
+        return planning_text(self._draw(), places, self._start, self.links)
 
     def _draw(self) -> TextMap:
         drawing = TextMap(4 * (self._lab.columns - 2) + 1, 4 * (self._lab.rows - 2) + 1)

@@ -1,4 +1,4 @@
-"""The best round trip through all beacons: what the planning references end with."""
+"""The best round trip through all beacons, and the planning references, which end with it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TypeVar
+
+from simulator_stub.scoring.textmap import TextMap
 
 Node = TypeVar("Node", bound=tuple[int, int])
 Links = Mapping[Node, Sequence[tuple[Node, float]]]
@@ -78,3 +80,25 @@ def tour_lines(places: Sequence[Node], links: Links[Node]) -> str:
         distances.append([found.get(other, math.inf) for other in places])
     tour, length = best_tour(distances)
     return "".join(f" {place}" for place in tour) + f"\n{length:f}\n"
+
+
+def planning_text(drawing: TextMap, places: Sequence[Node], start: Node, links: Links[Node]) -> str:
+    """Write planning.out: a map with the numbers of the targets in it, the best tour, its length.
+
+    Parameters
+    ----------
+    drawing : TextMap
+        The map; the numbers are drawn into it.
+    places : sequence of (column, row)
+        Of the targets, in their order.
+    start : (column, row)
+        What is in the middle of the map.
+    links : mapping of node to sequence of (node, length)
+
+    Returns
+    -------
+    str
+    """
+    for number, (column, row) in enumerate(places):
+        drawing.draw(2 * (column - start[0]), 2 * (row - start[1]), str(number)[-1])
+    return str(drawing) + tour_lines(places, links)
