@@ -13,6 +13,7 @@ distances of the square, of the exact probability that reading plus noise rounds
 
 from __future__ import annotations
 
+from functools import lru_cache
 from statistics import NormalDist
 
 import numpy as np
@@ -27,6 +28,7 @@ CODES = 256
 _FARTHEST = 40.0  # units; nothing is told apart beyond
 _NODES = np.array([NormalDist().inv_cdf((k + 0.5) / 41) for k in range(41)])
 _ROUNDING = 0.1
+_FAR_OFF = 12.0  # deviations beyond which a probability is below what outliers leave of double precision
 
 
 class ReadingCodes:
@@ -46,12 +48,8 @@ class ReadingCodes:
     """
 
     def __init__(self, *, noise: float, place: float, turn: float, outlier: float) -> None:
-        self._noise = noise
-        self._place = place
-        self._turn = turn
         self._outlier = outlier
-        self.distances = code_distances()
-        self._known: dict[int, Floats] = {}
+        self._ideal, self._sigma, self._known = _spread(noise, place, turn, outlier)
 
     def log_likelihood(self, reading: float) -> Floats:
         """Give the logarithm of the likelihood of a reading for every code, less the greatest.
@@ -72,17 +70,31 @@ class ReadingCodes:
         return table
 
     def _compute(self, reading: float) -> Floats:
-        distance = self.distances
-        deviation = np.sqrt((self._place**2 + (self._turn * distance) ** 2) / 12.0)
-        samples = distance[:, np.newaxis] + deviation[:, np.newaxis] * _NODES
-        ideal = np.where(samples > CONTACT, 1.0 / np.maximum(samples, CONTACT), SATURATION)
-        # Between two samples the ideal reading is taken to spread evenly.
-        gap = np.abs(np.gradient(ideal, axis=1))
-        sigma = np.sqrt(self._noise**2 + gap**2 / 12.0)
-        mass = np.exp(reading_log_likelihood(reading, ideal, np.maximum(sigma, 1e-3))).mean(axis=1)
+        ideal, sigma = self._ideal, self._sigma
+        near = np.abs(reading - ideal) < _FAR_OFF * sigma + _ROUNDING
+        masses = np.zeros(ideal.shape)
+        masses[near] = np.exp(reading_log_likelihood(reading, ideal[near], sigma[near]))
         background = max(1.0 / (1.0 + max(reading, 0.0)) ** 2, 1e-4) * _ROUNDING
-        mixed = (1.0 - self._outlier) * mass + self._outlier * background
+        mixed = (1.0 - self._outlier) * masses.mean(axis=1) + self._outlier * background
         return np.asarray(np.log(mixed / mixed.max()))
+
+
+@lru_cache(maxsize=64)
+def _spread(
+    noise: float, place: float, turn: float, outlier: float
+) -> tuple[Floats, Floats, dict[int, Floats]]:
+    """Give ideal readings over the square of every code, their deviations, and room for likelihoods.
+
+    Filters that are told the same share them: the likelihood of a new reading takes longer than a cycle of a
+    filter that knows where the robot is.
+    """
+    distance = code_distances()
+    deviation = np.sqrt((place**2 + (turn * distance) ** 2) / 12.0)
+    samples = distance[:, np.newaxis] + deviation[:, np.newaxis] * _NODES
+    ideal = np.where(samples > CONTACT, 1.0 / np.maximum(samples, CONTACT), SATURATION)
+    # Between two samples the ideal reading is taken to spread evenly.
+    gap = np.abs(np.gradient(ideal, axis=1))
+    return ideal, np.maximum(np.sqrt(noise**2 + gap**2 / 12.0), 1e-3), {}
 
 
 def code_distances() -> Floats:
