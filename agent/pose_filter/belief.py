@@ -26,7 +26,7 @@ Indices = NDArray[np.int64]
 
 _SPARSE_BELOW = 0.1
 """Fraction of the states with weight below which a list of them is faster than an array of all."""
-_REACH = 2
+REACH = 2
 """Greatest shift in squares at once."""
 
 
@@ -57,7 +57,7 @@ class PoseBelief:
         """Units; a state of bin k is at its square's node plus row k."""
         self.given_up = 0.0
         """Weight of the states given up so far, before each normalization."""
-        self._moves = lattice.move_table(_REACH)
+        self._moves = lattice.move_table(REACH)
         self._spare: Weights | None = None
         self.dense: Weights | None = None
         self.bin: Indices = np.zeros(0, np.int64)
@@ -194,7 +194,7 @@ class PoseBelief:
         self.offset[:, 1] += distance * np.sin(headings)
         # Rounded a little coarser than the arithmetic, so that mirrored bins move in the same cycle.
         squares = np.round(np.round(self.offset / self.lattice.resolution, 9)).astype(np.int64)
-        np.clip(squares, -_REACH, _REACH, out=squares)
+        np.clip(squares, -REACH, REACH, out=squares)
         if not squares.any():
             return
         self.offset -= squares * self.lattice.resolution
@@ -305,8 +305,8 @@ class PoseBelief:
 
 
 def _code(dx: Indices | int, dy: Indices | int) -> Indices:
-    width = 2 * _REACH + 1
-    return np.asarray((np.asarray(dy) + _REACH) * width + np.asarray(dx) + _REACH, np.int64)
+    width = 2 * REACH + 1
+    return np.asarray((np.asarray(dy) + REACH) * width + np.asarray(dx) + REACH, np.int64)
 
 
 _STAY = int(_code(0, 0))

@@ -52,6 +52,7 @@ def main() -> int:
             print(f"{done:.2f}", flush=True)  # fails, and ends this process, when the parent is gone
 
     tables = build_tables(order.lab, order.angles, order.resolution, steps=order.steps, progress=progress)
+    tables.complete(order.lab)
     write_tables(order.path, tables)
     return 0
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from agent.pose_filter.lattice import Lattice
+from agent.pose_filter.symmetry import Turn
 from agent.pose_filter.tables import PoseTables, Progress, build_tables
 from ciberrato.lab import Lab
 
@@ -74,6 +75,7 @@ def cached_tables(
     tables = read_tables(path)
     if tables is None:
         tables = build_tables(lab, angles, resolution, steps=steps, progress=progress)
+    if tables.complete(lab):
         with contextlib.suppress(OSError):
             write_tables(path, tables)
     if progress is not None:
@@ -94,10 +96,15 @@ def write_tables(path: Path, tables: PoseTables) -> None:
     path : Path
         Its folder is made if need be.
     tables : PoseTables
+        What `PoseTables.complete` adds is kept, too.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     lattice = tables.lattice
     arrays = {name: getattr(lattice, name) for name in _LATTICE_ARRAYS}
+    if tables.known_turns is not None:
+        arrays["shares"] = np.array(tables.code_shares)
+        turns = [(turn.x, turn.y, turn.angle) for turn in tables.known_turns]
+        arrays["turns"] = np.array(turns).reshape(-1, 3)
     half = [codes[: len(codes) // 2] for codes in tables.codes]
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp.npz")
     try:
@@ -134,6 +141,8 @@ def read_tables(path: Path) -> PoseTables | None:
                 codes=tuple(np.concatenate([codes, codes]) for codes in stored["codes"]),
                 fractions=tuple(float(fraction) for fraction in stored["fractions"]),
                 sensors=tuple((int(table), int(ahead)) for table, ahead in stored["sensors"]),
+                _shares=list(stored["shares"]) if "shares" in stored else [],
+                _turns=[[Turn(*turn) for turn in stored["turns"].tolist()]] if "turns" in stored else [],
             )
     except (OSError, ValueError, KeyError, EOFError):
         return None

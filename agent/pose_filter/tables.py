@@ -83,6 +83,11 @@ class PoseTables:
         return self._turns[0]
 
     @property
+    def known_turns(self) -> list[Turn] | None:
+        """What `symmetries` has found, if it has been asked."""
+        return self._turns[0] if self._turns else None
+
+    @property
     def angles(self) -> tuple[float, ...]:
         """Mounting angles of the sensors in radians."""
         step = 360.0 / (BINS * self.steps)
@@ -92,11 +97,21 @@ class PoseTables:
     def code_shares(self) -> list[NDArray[np.float64]]:
         """For each table how often every code occurs in it; shape (256,) each."""
         if not self._shares:
-            self._shares.extend(
-                np.bincount(codes[: len(codes) // 2].ravel(), minlength=256) / (codes.size / 2)
-                for codes in self.codes
-            )
+            self._shares.extend(_shares(codes[: len(codes) // 2]) for codes in self.codes)
         return self._shares
+
+    def complete(self, lab: Lab) -> bool:
+        """Work out everything that is kept with the tables and else would be at its first use.
+
+        Returns
+        -------
+        bool
+            Whether something was missing.
+        """
+        missing = not self._turns or not self._shares
+        self.symmetries(lab)
+        assert self.code_shares
+        return missing
 
     def view(self, sensor: int, heading_offset: float) -> Codes:
         """Give the codes of a sensor for all bins, at the nearest direction that is tabulated.
@@ -116,6 +131,14 @@ class PoseTables:
         around = BINS * self.steps
         first = (round(heading_offset / (2.0 * math.pi) * around) + ahead) % around
         return self.codes[table][first : first + around : self.steps]
+
+
+def _shares(codes: Codes) -> NDArray[np.float64]:
+    # Row by row: counting turns what it counts into integers eight times as large.
+    counts = np.zeros(256, np.int64)
+    for row in codes:
+        counts += np.bincount(row, minlength=256)
+    return counts / codes.size
 
 
 def sensor_layout(

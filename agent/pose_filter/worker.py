@@ -94,6 +94,7 @@ class TableWorker:
             self._done.set()
 
     def _get(self, which: str, resolution: float) -> PoseTables:
+        from agent.pose_filter.belief import REACH
         from agent.pose_filter.cache import read_tables, table_path
 
         path = table_path(self._lab, self._angles, resolution, 2, self._folder)
@@ -106,6 +107,8 @@ class TableWorker:
                 tables = read_tables(path)
         if tables is None:
             raise RuntimeError(f"the {which} tables could not be computed")
+        tables.complete(self._lab)
+        tables.lattice.move_table(REACH)
         return tables
 
     def _compute(self, which: str, resolution: float, path: Path) -> None:

@@ -15,6 +15,7 @@ from agent.pose_filter.tables import BINS, build_tables
 from agent.pose_filter.worker import TableWorker
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import ideal_reading, reading_log_likelihood, sensor_distances
+from ciberrato.lab import Lab
 from ciberrato.labfile import read_lab
 from maps import find_lab
 
@@ -134,6 +135,23 @@ def test_tables_come_back_from_disk_as_they_were(small_lab, coarse_tables, tmp_p
             assert np.array_equal(
                 getattr(back.lattice, field.name), getattr(coarse_tables.lattice, field.name)
             ), field.name
+
+
+def test_symmetries_and_shares_of_codes_come_back_from_disk(tmp_path):
+    square = Lab(width=12.0, height=12.0, walls=())
+    first = cached_tables(square, (0.0,), 0.5, steps=1, folder=tmp_path)
+    path = next(tmp_path.glob("*.npz"))
+    back = read_tables(path)
+    assert back is not None
+    assert not back.complete(square)
+    assert back.known_turns == first.symmetries(square)
+    assert len(back.symmetries(square)) >= 2  # by 90 and 270 degrees
+    counts = np.bincount(first.codes[0][:BINS].ravel(), minlength=256)
+    assert np.array_equal(back.code_shares[0], counts / counts.sum())
+    write_tables(path, dataclasses.replace(first, _turns=[], _shares=[]))  # as an older program left it
+    again = cached_tables(square, (0.0,), 0.5, steps=1, folder=tmp_path)
+    assert again.symmetries(square) == first.symmetries(square)
+    assert not read_tables(path).complete(square)
 
 
 @pytest.mark.parametrize("damage", [b"", b"no archive", None])
