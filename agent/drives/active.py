@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from agent.drives.base import STANDSTILL, Decision
 from agent.drives.explore import ExploreDrive
 from agent.drives.outlook import PoseSample, free_ways
-from agent.drives.roam import Roamer
-from agent.drives.safety import Bumper
+from agent.drives.roam import Closed, Roamer
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.reading_codes import code_distances
 from ciberrato.protocol.messages import Measures
@@ -96,17 +95,18 @@ class ActiveDrive:
             return self._explorer.decide(measures, pose_filter)
         return self._roamer.decide(measures, pose_filter)
 
-    def _choose(self, pose_filter: PoseFilter, sample: PoseSample, bumper: Bumper) -> tuple[float, float]:
+    def _choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
         """Choose the leg with the greatest expected drop of entropy per cycle."""
         step = max(len(sample.x) // _POSES, 1)
         poses = PoseSample(sample.x[::step], sample.y[::step], sample.heading[::step])
         lattice = pose_filter.tables.lattice
         ways = free_ways(lattice, poses, _FIRST_TURNS, LONGEST_LEG)
         alike = _alike(poses)
+        shut = closed(_FIRST_TURNS)
         best, best_score = (float(math.pi), 1.0), -math.inf
         for number, turn in enumerate(_FIRST_TURNS):
             length = float(np.quantile(ways[number], 0.1)) - 0.1
-            if length < 0.3 or abs(turn) < bumper.closed:
+            if length < 0.3 or shut[number]:
                 continue
             features = self._imagine(pose_filter, poses, float(turn), length)
             cycles = abs(turn) / 0.18 + 3.0 + length / self._cruise

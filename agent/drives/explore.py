@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from agent.drives.base import Decision
 from agent.drives.outlook import PoseSample, free_ways
-from agent.drives.roam import Roamer
-from agent.drives.safety import Bumper
+from agent.drives.roam import Closed, Roamer
 from agent.pose_filter.posefilter import PoseFilter
 from ciberrato.protocol.messages import Measures
 
@@ -51,14 +50,14 @@ class ExploreDrive:
             self._visits *= 0.998
             self._visits[row, column] += 1.0
 
-    def _choose(self, pose_filter: PoseFilter, sample: PoseSample, bumper: Bumper) -> tuple[float, float]:
+    def _choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
         ways = free_ways(pose_filter.tables.lattice, sample, _TURNS, LONGEST_LEG)
         mean = ways.mean(axis=1)
         reachable = np.quantile(ways, 0.1, axis=1)
         score = 0.5 * mean + np.minimum(reachable, 2.0) - 0.35 * np.abs(_TURNS)
         score -= 1.0 * (np.abs(_TURNS) > math.radians(150.0))
         # Towards what is so near ahead that it stopped the robot there is no way.
-        score -= 3.0 * (np.abs(_TURNS) < bumper.closed)
+        score -= 3.0 * closed(_TURNS)
         score -= self._crowdedness(pose_filter, sample, mean)
         best = int(score.argmax())
         return float(_TURNS[best]), max(min(float(reachable[best]) - 0.1, LONGEST_LEG), 1.0)

@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 SAMPLES = 96
 _STEP = 0.1  # units between two looks along a way
 SAFE_CLEARANCE = ROBOT_RADIUS + 0.03
+_WAY_OUT = 0.35
+"""Units within which a robot too near to a wall is to get away from it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +116,10 @@ def free_ways(lattice: Lattice, sample: PoseSample, turns: Floats, longest: floa
     heading = sample.heading + turns[:, np.newaxis]
     x = sample.x[:, np.newaxis] + ways * np.cos(heading)[..., np.newaxis]
     y = sample.y[:, np.newaxis] + ways * np.sin(heading)[..., np.newaxis]
-    free = clearance(lattice, x, y) >= SAFE_CLEARANCE
+    room = clearance(lattice, x, y)
+    # A robot that is near a wall, or whose square is, may go where it gets no nearer.
+    here = clearance(lattice, sample.x, sample.y)[:, np.newaxis]
+    free = (room >= SAFE_CLEARANCE) | ((room >= here) & (room > 0.0) & (ways <= _WAY_OUT))
     return np.asarray(np.logical_and.accumulate(free, axis=-1).sum(axis=-1) * _STEP)
 
 

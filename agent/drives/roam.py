@@ -17,16 +17,23 @@ from agent.drives.base import Command, Decision
 from agent.drives.outlook import SAFE_CLEARANCE, PoseSample, arc_clearances, draw
 from agent.drives.safety import Bumper
 from agent.pose_filter.posefilter import PoseFilter
-from ciberrato.kinematics import filter_power
+from ciberrato.kinematics import MAX_POWER, filter_power
 from ciberrato.protocol.messages import Measures
 
 Floats = NDArray[np.float64]
 
 _TURN_POWER = 0.1
+_SPRINT = 1.5
+"""How much faster than cruising the robot drives where nothing is near."""
 _CURVATURES = np.array([-1.2, -0.7, -0.35, -0.15, 0.0, 0.15, 0.35, 0.7, 1.2])
 _LOOK_AHEAD = 0.8
 _MOST_RISK = 0.04
 """Fraction of the likely poses that may touch a wall on the way looked at."""
+_PROGRESS = 0.15
+"""Units; a leg that was shorter has failed."""
+_BARRED = math.radians(40.0)
+"""To both sides of the direction of a failed leg, where no other is tried until the robot has moved on."""
+_MOST_FAILURES = 6
 
 
 class LegPhase(StrEnum):
@@ -37,7 +44,52 @@ class LegPhase(StrEnum):
     DRIVING = "driving"
 
 
-ChooseLeg = Callable[[PoseFilter, PoseSample, Bumper], tuple[float, float]]
+class Barred:
+    """Directions in which the robot has just tried in vain to drive.
+
+    Whatever the belief says of the way ahead: where no leg could begin, none is begun again before the
+    robot has left the place.
+    """
+
+    def __init__(self) -> None:
+        self._headings: deque[float] = deque(maxlen=_MOST_FAILURES)
+        self._turned = 0.0
+
+    def turn(self, angle: float) -> None:
+        """Take note of a turn of the robot, in radians."""
+        self._turned += angle
+
+    def add(self) -> None:
+        """Bar the direction that the robot faces."""
+        self._headings.append(self._turned)
+
+    def clear(self) -> None:
+        """Forget everything: the robot is elsewhere."""
+        self._headings.clear()
+
+    def closed(self, turns: Floats, bumper: Bumper) -> NDArray[np.bool_]:
+        """Say after which turns there is no way to go on.
+
+        Parameters
+        ----------
+        turns : array
+            Radians.
+        bumper : Bumper
+
+        Returns
+        -------
+        array of bool, same shape
+        """
+        closed = np.abs(turns) < bumper.closed
+        for heading in self._headings:
+            away = (turns + self._turned - heading + math.pi) % (2.0 * math.pi) - math.pi
+            closed |= np.abs(away) < _BARRED
+        return np.asarray(closed)
+
+
+Closed = Callable[[Floats], NDArray[np.bool_]]
+"""Says of turns, in radians, after which there is no way to go on."""
+ChooseLeg = Callable[[PoseFilter, PoseSample, Closed], tuple[float, float]]
 """Gives the angle to turn by in radians, and the way to go at most in units."""
 
 
@@ -63,6 +115,8 @@ class Roamer:
         self.phase = LegPhase.CHOOSING
         self._to_turn = 0.0
         self._to_drive = 0.0
+        self._driven = 0.0
+        self._barred = Barred()
         self._wheels: Command = (0.0, 0.0)
         self._last: Command = (0.0, 0.0)
         self.legs: deque[tuple[float, float]] = deque(maxlen=16)
@@ -88,10 +142,14 @@ class Roamer:
     def _dead_reckon(self) -> None:
         left, right = (filter_power(c, w) for c, w in zip(self._last, self._wheels, strict=True))
         self._wheels = left, right
+        self._barred.turn(right - left)
         if self.phase is LegPhase.TURNING:
             self._to_turn -= right - left
         elif self.phase is LegPhase.DRIVING:
             self._to_drive -= (right + left) / 2.0
+            self._driven += (right + left) / 2.0
+            if self._driven > _PROGRESS:
+                self._barred.clear()
 
     def _next(self, measures: Measures, pose_filter: PoseFilter) -> Command:
         if measures.collision and self.phase is LegPhase.DRIVING:
@@ -101,26 +159,36 @@ class Roamer:
             command = self._drive(pose_filter)
             if command is not None:
                 return command
+            if self._driven <= _PROGRESS:
+                self._barred.add()
             self.phase = LegPhase.CHOOSING
         if self.phase is LegPhase.CHOOSING:
-            sample = draw(pose_filter.belief)
-            self._to_turn, self._to_drive = self._choose(pose_filter, sample, self._bumper)
-            self._bumper.bumped = False
-            self.legs.append((self._to_turn, self._to_drive))
-            # What the wheels still run on turns the robot, too.
-            self._to_turn -= self._wheels[1] - self._wheels[0]
-            self.phase = LegPhase.TURNING
+            self._begin_leg(pose_filter)
         if abs(self._to_turn) < math.radians(3.0):
             self.phase = LegPhase.DRIVING
             command = self._drive(pose_filter)
             return (0.0, 0.0) if command is None else command
         return self._turn()
 
+    def _begin_leg(self, pose_filter: PoseFilter) -> None:
+        self._to_turn, self._to_drive = self._choose(
+            pose_filter,
+            draw(pose_filter.belief),
+            lambda turns: self._barred.closed(turns, self._bumper),
+        )
+        self._bumper.bumped = False
+        self._driven = 0.0
+        self.legs.append((self._to_turn, self._to_drive))
+        # What the wheels still run on turns the robot, too.
+        self._to_turn -= self._wheels[1] - self._wheels[0]
+        self.phase = LegPhase.TURNING
+
     def _turn(self) -> Command:
         """Turn in place; what the wheels run on by is part of the angle to come."""
         coming = self._to_turn - (self._wheels[1] - self._wheels[0])
         rate = min(max(coming, -2.0 * _TURN_POWER), 2.0 * _TURN_POWER)
-        return -rate / 2.0, rate / 2.0
+        # Noisy motors move a robot that turns: off what it all but touches.
+        return self._bumper.retreat - rate / 2.0, self._bumper.retreat + rate / 2.0
 
     def _drive(self, pose_filter: PoseFilter) -> Command | None:
         """Go on along the clearest arc; None when the leg is over."""
@@ -132,13 +200,18 @@ class Roamer:
         risk = (least < SAFE_CLEARANCE).mean(axis=1)
         score = mean.mean(axis=1) - 4.0 * risk - 0.04 * np.abs(_CURVATURES)
         best = int(score.argmax())
+        power = self._cruise * speed
         if risk[best] > _MOST_RISK:
             near, _ = arc_clearances(lattice, draw(pose_filter.belief, 64), _CURVATURES[best : best + 1], 0.3)
-            if (near < SAFE_CLEARANCE).mean() > _MOST_RISK and not self._lost(pose_filter):
+            risky = (near < SAFE_CLEARANCE).mean() > _MOST_RISK
+            # Where the sensors see nothing near there is nothing, whatever the belief says.
+            if risky and not self._bumper.open and not self._lost(pose_filter):
                 return None
-            speed *= 0.5
-        power = self._cruise * speed
+            power *= 0.5
+        elif self._bumper.open:
+            power *= _SPRINT
         turn = float(np.clip(_CURVATURES[best] * power, -0.05, 0.05)) + self._bumper.steer
+        power = min(power, MAX_POWER - abs(turn) / 2.0)
         return power - turn / 2.0, power + turn / 2.0
 
     def _lost(self, pose_filter: PoseFilter) -> bool:

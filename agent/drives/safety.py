@@ -12,6 +12,8 @@ _SIDE_NEAR = 3.2  # reading to the side from which on to keep away
 _SIDE_HALT = 9.0
 _CREEP = 0.25
 _MOST_STEER = 0.03
+_TOUCHING = 12.0  # reading ahead or behind from which on a turn in place is not safe
+_RETREAT = 0.015
 
 
 class Bumper:
@@ -30,6 +32,7 @@ class Bumper:
         self._ahead = [i for i, angle in enumerate(turned) if abs(angle) <= 35.0]
         self._left = [i for i, angle in enumerate(turned) if 35.0 < angle <= 100.0]
         self._right = [i for i, angle in enumerate(turned) if -100.0 <= angle < -35.0]
+        self._behind = [i for i, angle in enumerate(turned) if abs(angle) >= 145.0]
         self._memory = 0.0 if noise < 0.2 else 0.5
         self._smooth: list[float] | None = None
         self.bumped = False
@@ -80,6 +83,19 @@ class Bumper:
         # A wall that the robot touches with its side is no reason to stay there for ever.
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
         return min(0.25 + 0.75 * ahead if ahead > 0.0 else 0.0, beside)
+
+    @property
+    def open(self) -> bool:
+        """Whether the sensors see nothing near, neither ahead nor beside."""
+        return self.ahead < _SLOW and max(self.left, self.right) < _SIDE_NEAR
+
+    @property
+    def retreat(self) -> float:
+        """Motor command that takes the robot off a wall that it almost touches ahead or behind."""
+        ahead, behind = self.ahead, self._most(self._behind)
+        if max(ahead, behind) < _TOUCHING or max(ahead, behind) < 2.0 * min(ahead, behind):
+            return 0.0
+        return -_RETREAT if ahead > behind else _RETREAT
 
     @property
     def steer(self) -> float:
