@@ -1,4 +1,4 @@
-"""What sensors other than IR say about the states of a belief, and the product of it all."""
+"""What sensors other than IR say about the states of a belief."""
 
 from __future__ import annotations
 
@@ -12,35 +12,6 @@ from ciberrato.kinematics import ROBOT_RADIUS
 from ciberrato.lab import Lab
 
 Floats = NDArray[np.float64]
-Factor = tuple[NDArray[np.uint8], NDArray[np.float32]]
-"""Codes of all states, shape (bins, squares), and the likelihood of each code."""
-
-
-def multiply(belief: PoseBelief, factors: list[Factor], by_bin: NDArray[np.float32] | None) -> None:
-    """Multiply a belief by likelihoods; it is not normalized.
-
-    Parameters
-    ----------
-    belief : PoseBelief
-    factors : list of (array, array)
-        Codes and likelihood of each IR sensor.
-    by_bin : array, shape (bins,), or None
-        Likelihood of each bin of headings.
-    """
-    if belief.dense is None:
-        for codes, table in factors:
-            belief.weight *= table[codes[belief.bin, belief.square]]
-        if by_bin is not None:
-            belief.weight *= by_bin[belief.bin]
-        return
-    taken = np.empty(belief.lattice.size, np.float32)
-    for row in range(belief.bins):
-        weights = belief.dense[row, :-1]
-        for codes, table in factors:
-            table.take(codes[row], out=taken, mode="clip")
-            weights *= taken
-        if by_bin is not None:
-            weights *= by_bin[row]
 
 
 def compass_log_likelihood(belief: PoseBelief, degrees: float, noise: float) -> Floats:

@@ -24,12 +24,11 @@ from numpy.typing import NDArray
 from agent.pose_filter.belief import PoseBelief
 from agent.pose_filter.estimate import PoseEstimate, estimate
 from agent.pose_filter.evidence import (
-    Factor,
     GroundSensor,
     compass_log_likelihood,
-    multiply,
     weigh_collision,
 )
+from agent.pose_filter.product import Factor, multiply
 from agent.pose_filter.reading_codes import ReadingCodes
 from agent.pose_filter.records import FilterSettings, FilterStep, Motion
 from agent.pose_filter.symmetry import SymmetryCheck

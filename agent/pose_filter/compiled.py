@@ -1,0 +1,73 @@
+"""Whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
+
+Nothing is loaded by itself: importing numba takes half a second, and what it has to compile the first time
+many. `load` is called where that delays nobody: in the thread that gets the tables, or before an evaluation.
+``CIBERRATO_COMPILED`` is ``auto`` (the default: if numba is there), ``on`` or ``off``.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from types import ModuleType
+
+from ciberrato.errors import UsageError
+
+CHOICES = ("auto", "on", "off")
+VARIABLE = "CIBERRATO_COMPILED"
+
+_active: ModuleType | None = None
+
+
+def choice() -> str:
+    """Give what the environment asks for.
+
+    Returns
+    -------
+    {"auto", "on", "off"}
+
+    Raises
+    ------
+    UsageError
+        If it is something else, or machine code is asked for and numba is not there.
+    """
+    chosen = os.environ.get(VARIABLE) or "auto"
+    if chosen not in CHOICES:
+        raise UsageError(f"{VARIABLE}: {chosen!r} is not {', '.join(CHOICES)}")
+    if chosen == "on" and not available():
+        raise UsageError(f"{VARIABLE}=on needs numba: pip install 'ciberrato[fast]'")
+    return chosen
+
+
+def available() -> bool:
+    """Whether numba is installed."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def kernels() -> ModuleType | None:
+    """Give the compiled loops if they are loaded and in use."""
+    return _active
+
+
+def use(module: ModuleType | None) -> None:
+    """Use these loops from now on, or, with None, those of numpy."""
+    global _active
+    _active = module
+
+
+def load() -> bool:
+    """Load the compiled loops, unless they are not wanted or not there.
+
+    Returns
+    -------
+    bool
+        Whether they are in use now.
+    """
+    if choice() == "off" or not available():
+        return False
+    if _active is None:
+        from agent.pose_filter import kernels, warming
+
+        warming.call_all(kernels)
+        use(kernels)
+    return True
