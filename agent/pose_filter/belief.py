@@ -163,9 +163,9 @@ class PoseBelief:
             count = np.count_nonzero(kept)
             if count > _SPARSE_BELOW * self.states:
                 return
-            bins, squares = np.nonzero(kept)
-            self.bin, self.square = bins, squares
-            weight = self.dense[bins, squares]
+            # Copied, as numpy gives columns of one array: machine code is made for arrays without gaps.
+            self.bin, self.square = (numbers.copy() for numbers in np.nonzero(kept))
+            weight = self.dense[self.bin, self.square]
             self.dense = self._spare = None
         else:
             if len(self.weight) < 2:

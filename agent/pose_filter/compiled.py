@@ -63,9 +63,11 @@ def load() -> bool:
     bool
         Whether they are in use now.
     """
-    if choice() == "off" or not available():
+    if choice() == "off":
         return False
     if _active is None:
+        if not available():
+            return False
         from agent.pose_filter import kernels, warming
 
         warming.call_all(kernels)

@@ -138,10 +138,11 @@ def _strongest(belief: PoseBelief) -> tuple[NDArray[np.int64], NDArray[np.int64]
     """States that carry the belief; of a dense one only those well above the mean."""
     if belief.dense is None:
         return belief.listed()
-    weights = belief.dense[:, :-1]
-    top = float(weights.max())
-    bins, squares = np.nonzero(weights > 0.02 * top)
-    if len(bins) > 20_000:
+    weights = belief.dense  # its last column is zero
+    strong = weights > 0.02 * float(weights.max())
+    if np.count_nonzero(strong) <= 20_000:
+        bins, squares = np.nonzero(strong)
+    else:
         peak = np.unravel_index(int(weights.argmax()), weights.shape)
         bins, squares = np.array([peak[0]]), np.array([peak[1]])
     return bins, squares, weights[bins, squares].astype(np.float64)
@@ -166,7 +167,7 @@ def _mean(
 
 
 def _wrap(angles: Floats) -> Floats:
-    return np.asarray((angles + math.pi) % (2.0 * math.pi) - math.pi)
+    return np.asarray(angles - 2.0 * math.pi * np.rint(angles / (2.0 * math.pi)))
 
 
 def _as_estimate(pose: tuple[float, float, float], probability: float) -> PoseEstimate:

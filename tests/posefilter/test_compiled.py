@@ -111,6 +111,10 @@ def test_a_whole_run_comes_out_the_same(loops, small_lab, coarse_tables, fine_ta
     assert first.is_fine
     assert one[-1].certain
     assert_same_belief(first.belief, second.belief)
+    functions = [value for value in vars(loops).values() if hasattr(value, "signatures")]
+    assert len(functions) == 8
+    # What `warming` has compiled is all that a run needs: the loop never waits for a compiler.
+    assert [len(function.signatures) for function in functions] == 8 * [1]
 
 
 def test_states_that_look_alike_keep_equal_weights(loops):
