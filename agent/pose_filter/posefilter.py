@@ -27,7 +27,9 @@ from agent.pose_filter.evidence import (
     GroundSensor,
     compass_log_likelihood,
     weigh_collision,
+    weigh_separately,
 )
+from agent.pose_filter.gps import GpsSense
 from agent.pose_filter.product import Factor, multiply
 from agent.pose_filter.reading_codes import ReadingCodes
 from agent.pose_filter.records import FilterSettings, FilterStep, Motion
@@ -36,12 +38,14 @@ from agent.pose_filter.tables import BINS, PoseTables
 from ciberrato.kinematics import ROBOT_RADIUS, advance, clamp_power, filter_power, wrap_angle
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
-from ciberrato.protocol.messages import Measures
+from ciberrato.protocol.messages import BeaconReading, Measures
 
 Floats = NDArray[np.float64]
 Command = tuple[float, float]
 
 _DEGREE = math.pi / 180.0
+GPS_EXPONENT = 0.8
+"""Power to which the likelihood of a heading by the GPS is raised."""
 _LONG_REST = 20  # messages after which a robot at rest is told nothing new
 
 
@@ -53,6 +57,8 @@ class _Tick(NamedTuple):
     compass: float | None
     collision: bool | None
     ground: int | None
+    beacons: tuple[BeaconReading, ...]
+    gps: tuple[float, float] | None
 
 
 class PoseFilter:
@@ -104,6 +110,8 @@ class PoseFilter:
             parameters.compass_noise,
         )
         self._compared = False
+        self.gps = GpsSense(parameters.gps_linear_noise, parameters.motors_noise) if parameters.gps else None
+        """What a GPS has told; None without one."""
         self.last_step: FilterStep | None = None
         """The step taken in last."""
         self.alarm_level = 0.0
@@ -211,12 +219,18 @@ class PoseFilter:
                 compass=measures.compass,
                 collision=measures.collision if self.parameters.collision_latency == 0 else None,
                 ground=measures.ground if self.parameters.ground_latency == 0 else None,
+                beacons=measures.beacons,
+                gps=measures.gps,
             )
         )
         if self._messages > self._lag:
             self._process(measures.time)
         self._estimate = None
         self._compared = False
+        if self.gps is not None and measures.gps is not None and self.belief.dense is None:
+            found = self.estimate()
+            if found.certain:
+                self.gps.offset.learn(measures.gps, found.x, found.y)
 
     def _process(self, time: int) -> None:
         oldest, ticks = self._ticks[0], self._ticks
@@ -239,7 +253,28 @@ class PoseFilter:
         )
         for motion in motions:
             self.predict(motion)
+            if self.gps is not None:
+                self.gps.tracker.move(motion)
+        if self.gps is not None and oldest.gps is not None:
+            self._take_gps(self.gps, oldest.gps, time)
         self.update(self.last_step)
+
+    def _take_gps(self, gps: GpsSense, reading: tuple[float, float], time: int) -> None:
+        likelihood, expected, jumped = gps.observe(reading, self.belief.headings())
+        if jumped:
+            self.restart(time)
+            return
+        multiply(self.belief, [], (likelihood**GPS_EXPONENT).astype(np.float32))
+        self._judge(self.belief.normalize(), GPS_EXPONENT * math.log(max(expected, 1e-30)), time)
+
+    def _judge(self, evidence: float, elsewhere: float, time: int) -> bool:
+        """Compare the evidence for the belief with that for a pose anywhere; say whether it may stay."""
+        ratio = math.log(max(evidence, 1e-30)) - elsewhere
+        self.alarm_level = max(self.alarm_level - ratio + self.settings.alarm_slack, 0.0)
+        if evidence == 0.0 or self.alarm_level > self.settings.alarm:
+            self.restart(time)
+            return False
+        return True
 
     def _exponent(self, moved: float, turned: float) -> float:
         settings = self.settings
@@ -324,19 +359,17 @@ class PoseFilter:
         if not factors and by_bin is None:
             return
         multiply(belief, factors, by_bin)
-        evidence = belief.normalize()
-        ratio = math.log(max(evidence, 1e-30)) - elsewhere
-        self.alarm_level = max(self.alarm_level - ratio + self.settings.alarm_slack, 0.0)
-        if evidence == 0.0 or self.alarm_level > self.settings.alarm:
-            self.restart(step.time)
-            return
-        belief.prune()
+        if self._judge(belief.normalize(), elsewhere, step.time):
+            belief.prune()
 
     def restart(self, time: int) -> None:
         """Forget everything: every free pose is possible."""
         self.restarts.append(time)
         self.alarm_level = 0.0
         self.belief.set_uniform()
+        if self.gps is not None:
+            lattice = self.belief.lattice
+            weigh_separately(self.belief, *self.gps.begin_anew(self.belief.headings(), lattice.x, lattice.y))
 
 
 def _filtered(command: Command, wheels: Command) -> Command:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ciberrato.protocol.messages import BeaconReading
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterSettings:
@@ -65,3 +67,4 @@ class FilterStep(NamedTuple):
     ground: int | None
     exponent: float
     time: int
+    beacons: tuple[BeaconReading, ...] = ()

@@ -107,6 +107,8 @@ class StagedFilter(PoseFilter):
             self.tables, self.settings = self._coarse, COARSE_SETTINGS
             self.belief = challenger.belief
             self._prepare_sensors()
+            if self.gps is not None:
+                self.gps.offset.forget()  # learnt at the wrong pose
             self._estimate = None
 
     def restart(self, time: int) -> None:
