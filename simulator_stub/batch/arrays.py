@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET
-from simulator_stub.batch.infrared import cone_distances
+from ciberrato.manycones import many_cone_distances
 from simulator_stub.batch.motion import cosines_and_sines, touching, wrap
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.state import BatchState
@@ -68,7 +68,7 @@ def infrared(plan: BatchPlan, state: BatchState, noise: Floats | None) -> Floats
     cosine, sine = cosines_and_sines(axes)
     x = state.x[:, np.newaxis] + SENSOR_OFFSET * cosine
     y = state.y[:, np.newaxis] + SENSOR_OFFSET * sine
-    distances = cone_distances(plan.tables, *(array.ravel() for array in (x, y, axes, cosine, sine)))
+    distances = many_cone_distances(plan.tables, *(array.ravel() for array in (x, y, axes, cosine, sine)))
     usable = (distances > CONTACT) & (distances < np.inf)
     readings = np.divide(1.0, distances, out=np.full(distances.shape, SATURATION), where=usable)
     readings = readings.reshape(axes.shape)

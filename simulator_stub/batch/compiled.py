@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import SENSOR_OFFSET, distances_at, ideal_reading, round_reading
 from ciberrato.kinematics import ROBOT_RADIUS
+from ciberrato.labtables import tables_of
 from simulator_stub.batch import loops
 from simulator_stub.batch.arrays import compass, ground
 from simulator_stub.batch.floortables import FloorTables
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.state import BatchState
-from simulator_stub.batch.tables import tables_of
 from simulator_stub.floor import Floor
 from simulator_stub.sensors.line import SIDEWAYS
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET
 from ciberrato.kinematics import ROBOT_RADIUS
+from ciberrato.labtables import OUTSIDE, TOUCHED
 from ciberrato.singlecone import BEYOND, COS, TAN
 from ciberrato.viewcone import IN_LINE
 from ciberrato.viewlists import LONGEST, SECTORS, SECTORS_PER_RADIAN, SQUARES_PER_UNIT
-from simulator_stub.batch.tables import OUTSIDE, TOUCHED
 from simulator_stub.floor import SQUARES_PER_UNIT as FLOOR_SQUARES_PER_UNIT
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.kinematics import ROBOT_RADIUS
-from simulator_stub.batch.tables import NOWHERE, TOUCHED, LabTables
+from ciberrato.labtables import NOWHERE, TOUCHED, LabTables
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]

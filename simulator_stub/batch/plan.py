@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ciberrato.kinematics import ROBOT_RADIUS
 from ciberrato.lab import Lab
+from ciberrato.labtables import LabTables, tables_of
 from ciberrato.parameters import Parameters
 from ciberrato.startgrid import StartGrid
-from simulator_stub.batch.tables import LabTables, tables_of
 from simulator_stub.world import World
 
 

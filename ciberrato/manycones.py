@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.labtables import NOWHERE, LabTables
 from ciberrato.singlecone import COS, TAN, single_cone_distances
 from ciberrato.viewcone import IN_LINE
 from ciberrato.viewlists import LONGEST, SECTORS, SECTORS_PER_RADIAN
-from simulator_stub.batch.tables import NOWHERE, LabTables
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -19,7 +19,7 @@ _ROUNDS = (0, 3, 6, 12, LONGEST)
 """Faces are looked at in rounds; most sensors have found the nearest one after the first."""
 
 
-def cone_distances(
+def many_cone_distances(
     tables: LabTables, x: Floats, y: Floats, direction: Floats, cosine: Floats, sine: Floats
 ) -> Floats:
     """Distances that sensors take.
