@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import itertools
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 # Small products on several threads cost a hundred times what they save; before numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from ciberrato.errors import CiberratoError, UsageError
-from evaluation.task import DRIVES, STARTS, Task
+from evaluation.task import DRIVES, GPS, PRIORS, STARTS, Task
+
+if TYPE_CHECKING:
+    from evaluation.runner import Result
 
 PROGRAM = "ciberrato-evaluate"
-_GROUPS = ("lab", "start", "parameters", "compass", "drive", "prior", "resolution")
+_GROUPS = ("lab", "start", "prior", "parameters", "compass", "gps", "drive", "resolution")
+_BY_DEFAULT = ("start", "parameters", "compass", "drive")
+_IF_SEVERAL = ("prior", "gps")
+_COMPARED_BY_DEFAULT = ("lab", "parameters", "compass")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0, or 2 for what the user can put right; 130 if interrupted (what was run is kept).
+        Exit status: 0; 1 if runs failed; 2 for what the user can put right; 130 if interrupted (what was run
+        is kept).
     """
     try:
         return _run(_parser().parse_args(arguments))
@@ -45,34 +53,60 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from evaluation.report import draw_figures, group_by, kidnapping_line, table
-    from evaluation.runner import read_results, run_tasks
+    from evaluation.runner import read_evaluation, run_tasks
 
     if options.replay is not None:
         return _replay(options)
     if options.report:
-        results = read_results(options.output)
-        if not results:
+        evaluation = read_evaluation(options.output)
+        if not evaluation.results:
             raise UsageError(f"{options.output}: no outcomes")
     else:
-        tasks = _tasks(options)
-        results = run_tasks(
-            tasks,
+        evaluation = run_tasks(
+            _tasks(options),
             options.output,
             jobs=options.jobs,
             scheduler=options.scheduler,
             progress=None if options.quiet else sys.stderr,
         )
-    groups = group_by(results, *options.by)
+    if evaluation.results:
+        _show(options, evaluation.results)
+    if evaluation.failures:
+        first = evaluation.failures[0]
+        number = len(evaluation.failures)
+        print(
+            f"{PROGRAM}: {number} of {number + len(evaluation.results)} runs failed; {first.task.lab}, "
+            f"{first.task.drive}, seed {first.task.seed}: {first.error}",
+            file=sys.stderr,
+        )
+        return 1
+    return 0
+
+
+def _show(options: argparse.Namespace, results: list[Result]) -> None:
+    from evaluation.report import group_by, kidnapping_line, table
+
+    fields = options.by or [
+        *_BY_DEFAULT,
+        *(field for field in _IF_SEVERAL if len({getattr(r.task, field) for r in results}) > 1),
+    ]
+    groups = group_by(results, *fields)
     print(table(groups))
     for key, group in groups.items():
         line = kidnapping_line(group)
         if line is not None:
             print(f"{' '.join(key)}: {line}")
+    if options.compare is not None:
+        from evaluation.comparison import compare
+
+        one, other = options.compare
+        compared = [field for field in options.by or _COMPARED_BY_DEFAULT if field != "drive"]
+        print(f"\n{compare(results, one, other, compared)}")
     if options.figures is not None:
-        for path in draw_figures(groups, options.figures):
+        from evaluation.figures import draw_figures
+
+        for path in draw_figures(results, fields, options.figures):
             print(path)
-    return 0
 
 
 def _replay(options: argparse.Namespace) -> int:
@@ -92,21 +126,29 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
     for name in options.lab or ["standard"]:
         labs.extend(_find_labs(name, options.labs))
     tasks = []
-    for (lab, grid), start, parameters, compass, drive, seed in itertools.product(
-        labs, options.start, options.parameters, options.compass, options.drive, range(options.seeds)
+    for (lab, grid), start, prior, parameters, compass, gps, drive, seed in itertools.product(
+        labs,
+        options.start,
+        options.prior or (["told"] if options.told else ["anywhere"]),
+        options.parameters,
+        options.compass,
+        options.gps,
+        options.drive,
+        range(options.seeds),
     ):
         tasks.append(
             Task(
                 lab=lab,
                 grid=grid if start == "grid" else None,
                 start=start,
-                prior="centres" if options.told and start == "centres" else "anywhere",
+                prior="centres" if prior == "told" and start == "centres" else "anywhere",
                 parameters=parameters,
                 compass=compass == "on",
+                gps=gps,
                 seed=options.first_seed + seed,
                 drive=drive,
                 cycles=options.cycles,
-                resolution=_resolution(lab, options.resolution),
+                resolution=_resolution(lab) if options.resolution is None else options.resolution,
                 kidnap=options.kidnap,
                 settle=options.settle,
             )
@@ -128,13 +170,11 @@ def _find_labs(name: str, folder: Path) -> list[tuple[str, str | None]]:
     return [(name, None)]
 
 
-def _resolution(lab: str, wanted: float | None) -> float:
+@functools.cache
+def _resolution(lab: str) -> float:
+    from agent.pose_filter.tables import fine_resolution
     from ciberrato.labfile import read_lab
     from maps import find_lab
-
-    if wanted is not None:
-        return wanted
-    from agent.pose_filter.tables import fine_resolution
 
     return fine_resolution(read_lab(find_lab(lab)))
 
@@ -154,15 +194,23 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add(
         "--lab",
-        action="append",
+        action="extend",
+        nargs="+",
         metavar="LAB",
         help="name or file; `maps`: all that ship, `judged`: the public ones by the rule; may be given again",
     )
     add("--labs", type=Path, default=Path("../shared/labs"), metavar="DIR", help="folder of public labs")
     add("--start", nargs="+", choices=STARTS, default=["centres"])
-    add("--told", action="store_true", help="tell the filter that it starts at a cell's centre")
+    add(
+        "--prior",
+        nargs="+",
+        choices=PRIORS,
+        help="told: the filter is told that it starts in a cell's centre, where it does; default: anywhere",
+    )
+    add("--told", action="store_true", help="the same as --prior told")
     add("--parameters", nargs="+", default=["default"], metavar="FILE", help="names or files")
     add("--compass", nargs="+", choices=("on", "off"), default=["on"])
+    add("--gps", nargs="+", choices=GPS, default=["announced"], help="announced: as the parameters say")
     add("--drive", nargs="+", choices=DRIVES, default=["explore"])
     add("--seeds", type=int, default=10, metavar="N", help="runs of each kind; default: 10")
     add("--first-seed", type=int, default=0, metavar="N")
@@ -173,7 +221,14 @@ def _parser() -> argparse.ArgumentParser:
     add("--output", type=Path, default=Path("evaluation.jsonl"), metavar="FILE", help="outcomes, added to")
     add("--report", action="store_true", help="run nothing, sum up what the output file holds")
     add("--replay", nargs="+", type=Path, metavar="DIR", help="run the filter over recorded sessions instead")
-    add("--by", nargs="+", choices=_GROUPS, default=["start", "parameters", "compass", "drive"])
+    add("--by", nargs="+", choices=_GROUPS, metavar="AXIS", help=f"groups of the table: {', '.join(_GROUPS)}")
+    add(
+        "--compare",
+        nargs=2,
+        choices=DRIVES,
+        metavar="DRIVE",
+        help="compare two drives by group, where the first is slow above all",
+    )
     add("--figures", type=Path, metavar="DIR", help="draw figures there")
     add("--jobs", type=int, default=0, metavar="N", help="processes; default: one a core")
     add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the tasks instead")

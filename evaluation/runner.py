@@ -1,22 +1,27 @@
 """Runs tasks on all cores, or on a cluster, and keeps every outcome as soon as it is there.
 
 Outcomes go to a file of JSON Lines, one line a task. What is in it already is not run again, so that an
-evaluation that was interrupted goes on where it was; a torn last line is run again.
+evaluation that was interrupted goes on where it was; a torn last line is run again, and so is a task that
+failed.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import multiprocessing
 import os
+import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
-from ciberrato.errors import LabError, UsageError
+from ciberrato.errors import CiberratoError, LabError
 from evaluation.task import Outcome, Task
 
 _BAR = 30
@@ -32,7 +37,22 @@ class Result:
     outcome: Outcome
 
 
-def read_results(path: Path) -> list[Result]:
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A task that raised an exception, and which."""
+
+    task: Task
+    error: str
+
+
+class Evaluation(NamedTuple):
+    """What came of some tasks."""
+
+    results: list[Result]
+    failures: list[Failure]
+
+
+def read_evaluation(path: Path) -> Evaluation:
     """Read outcomes back.
 
     Parameters
@@ -42,7 +62,8 @@ def read_results(path: Path) -> list[Result]:
 
     Returns
     -------
-    list of Result
+    Evaluation
+        Every task once; one that failed and was run again later counts by what came of it last.
 
     Raises
     ------
@@ -50,17 +71,21 @@ def read_results(path: Path) -> list[Result]:
         If a line other than the last is not an outcome.
     """
     if not path.exists():
-        return []
+        return Evaluation([], [])
     lines = path.read_bytes().split(b"\n")
     lines.pop()  # empty, or torn
-    results = []
+    last: dict[str, Result | Failure] = {}
     for number, line in enumerate(lines, start=1):
         try:
             document = json.loads(line)
-            results.append(Result(Task(**document["task"]), Outcome(**document["outcome"])))
+            task = Task(**document["task"])
+            if "error" in document:
+                last[task.key] = Failure(task, str(document["error"]))
+            else:
+                last[task.key] = Result(task, Outcome(**document["outcome"]))
         except (ValueError, KeyError, TypeError) as error:
             raise LabError(f"not an outcome: {error}", source=str(path), line=number) from None
-    return results
+    return _sorted_out(last.values())
 
 
 def run_tasks(
@@ -70,7 +95,7 @@ def run_tasks(
     jobs: int = 0,
     scheduler: str | None = None,
     progress: TextIO | None = sys.stderr,
-) -> list[Result]:
+) -> Evaluation:
     """Run the tasks that have no outcome yet.
 
     Parameters
@@ -87,23 +112,43 @@ def run_tasks(
 
     Returns
     -------
-    list of Result
-        One for each task, in their order, those of earlier runs included.
-    """
-    import dataclasses
+    Evaluation
+        Results and failures in the order of the tasks, results of earlier runs included.
 
-    known = {result.task.key: result for result in read_results(path)}
-    missing = [task for task in dict.fromkeys(tasks) if task.key not in known]
+    Raises
+    ------
+    UsageError
+        If the scheduler or its workers cannot do this.
+    CiberratoError
+        If a process of ours was killed.
+    """
+    tasks = list(dict.fromkeys(tasks))
+    known: dict[str, Result | Failure] = {result.task.key: result for result in read_evaluation(path).results}
+    missing = [task for task in tasks if task.key not in known]
     bar = _Bar(len(missing), progress)
     _mend(path)
     with path.open("ab", buffering=0) as file:
-        for task, outcome in _outcomes(missing, jobs, scheduler):
-            document: dict[str, Any] = {"task": dataclasses.asdict(task), "outcome": outcome.to_json()}
+        for result in _outcomes(missing, jobs, scheduler):
+            document: dict[str, Any] = {"task": dataclasses.asdict(result.task)}
+            if isinstance(result, Result):
+                document["outcome"] = result.outcome.to_json()
+            else:
+                document["error"] = result.error
             file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
-            known[task.key] = Result(task, outcome)
+            known[result.task.key] = result
             bar.step()
     bar.close()
-    return [known[task.key] for task in tasks]
+    return _sorted_out(known[task.key] for task in tasks)
+
+
+def _sorted_out(all_of_them: Any) -> Evaluation:
+    evaluation = Evaluation([], [])
+    for one in all_of_them:
+        if isinstance(one, Result):
+            evaluation.results.append(one)
+        else:
+            evaluation.failures.append(one)
+    return evaluation
 
 
 def _mend(path: Path) -> None:
@@ -115,44 +160,91 @@ def _mend(path: Path) -> None:
             path.write_bytes(whole)
 
 
-def _outcomes(tasks: list[Task], jobs: int, scheduler: str | None) -> Iterator[tuple[Task, Outcome]]:
+def _outcomes(tasks: list[Task], jobs: int, scheduler: str | None) -> Iterator[Result | Failure]:
     if not tasks:
         return iter(())
     if scheduler is not None:
-        return _on_cluster(tasks, scheduler)
+        from evaluation.cluster import on_cluster
+
+        return on_cluster(tasks, scheduler)
     # Tasks of one lab one after the other, so that each process loads its tables once.
     ordered = sorted(tasks, key=lambda task: (task.lab, task.drive == "right", task.resolution))
     workers = min(jobs or os.cpu_count() or 1, len(ordered))
     if workers == 1:
-        return map(_run, ordered)
+        return map(attempt, ordered)
     return _in_pool(ordered, workers)
 
 
-def _in_pool(tasks: list[Task], workers: int) -> Iterator[tuple[Task, Outcome]]:
+def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
+    """Hand the tasks out one by one, so that all processes end together."""
+    from evaluation.episode import tables_needed
+
     context = multiprocessing.get_context("spawn")
-    with context.Pool(workers) as pool:
-        yield from pool.imap_unordered(_run, tasks, chunksize=max(min(len(tasks) // (8 * workers), 10), 1))
-
-
-def _on_cluster(tasks: Iterable[Task], address: str) -> Iterator[tuple[Task, Outcome]]:
+    executor = ProcessPoolExecutor(workers, context, initializer=_ignore_interrupt)
     try:
-        from distributed import Client, as_completed  # type: ignore[import-not-found, unused-ignore]
-    except ImportError:
-        raise UsageError("--scheduler needs the package `distributed` (Dask)") from None
+        # Before the first run, or each process would compute the same tables for itself.
+        needed = dict.fromkeys(order for task in tasks for order in tables_needed(task))
+        wait([executor.submit(_prepare, *order) for order in needed])
+        waiting = iter(tasks)
+        running: set[Future[Result | Failure]] = set()
+        while True:
+            while len(running) < 2 * workers and (task := next(waiting, None)) is not None:
+                running.add(executor.submit(attempt, task))
+            if not running:
+                break
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    except BrokenProcessPool:
+        raise CiberratoError("a process was killed (memory?); the same command goes on from here") from None
+    except BaseException:
+        for child in multiprocessing.active_children():
+            child.terminate()
+        raise
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def _ignore_interrupt() -> None:
+    """Leave Ctrl-C, which goes to all processes of a terminal, to the one that started this."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _prepare(lab: str, angles: tuple[float, ...], resolution: float) -> None:
+    from evaluation.episode import prepare
+
     try:
-        client = Client(address, timeout="10s")
-    except OSError as error:
-        raise UsageError(f"--scheduler {address}: {error}") from None
-    with client:
-        futures = client.map(_run, list(tasks), pure=False)
-        for future in as_completed(futures):
-            yield future.result()
+        prepare(lab, angles, resolution)
+    except Exception:
+        return  # the tasks that need these tables will say so
 
 
-def _run(task: Task) -> tuple[Task, Outcome]:
+def attempt(task: Task) -> Result | Failure:
+    """Run a task; what it raises is part of what comes of it.
+
+    Parameters
+    ----------
+    task : Task
+
+    Returns
+    -------
+    Result or Failure
+    """
+    from agent.pose_filter import compiled
     from evaluation.episode import run_task
 
-    return task, run_task(task)
+    try:
+        compiled.load()  # the same numbers sooner, where numba is there
+        return Result(task, run_task(task))
+    except CiberratoError as error:
+        return Failure(task, str(error))
+    except Exception as error:
+        trace = error.__traceback__
+        while trace is not None and trace.tb_next is not None:
+            trace = trace.tb_next
+        assert trace is not None
+        place = f"{Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
+        return Failure(task, f"{type(error).__name__}: {error} ({place})")
 
 
 class _Bar:

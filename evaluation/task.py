@@ -9,6 +9,12 @@ from typing import Any
 
 STARTS = ("grid", "centres", "free")
 DRIVES = ("right", "explore", "active", "goto")
+PRIORS = ("told", "anywhere")
+GPS = ("announced", "on", "off")
+TRUTH_PERIOD = 10
+"""Cycles between two entries of `Outcome.truth`."""
+LEAST_MS, MS_RATIO, MS_STEPS = 0.05, 1.25, 48
+"""Of `Outcome.ms_counts`: where its ranges begin, how much longer each is than the one before, how many."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +47,8 @@ class Task:
         Whether the filter begins on a coarse lattice, as the agent's does.
     settle : int
         Cycles for which a run goes on after the first right claim; 0 = to its end.
+    gps : {"announced", "on", "off"}
+        Whether the robot has a GPS; announced = as the parameters say.
     """
 
     lab: str
@@ -56,6 +64,7 @@ class Task:
     kidnap: int = 0
     staged: bool = True
     settle: int = 0
+    gps: str = "announced"
 
     @property
     def key(self) -> str:
@@ -73,7 +82,7 @@ class Outcome:
     Attributes
     ----------
     cycles : int
-        Cycles run.
+        Cycles run, those counted in advance at the end of a robot that stands included.
     start : tuple of float
         True pose at the start: x, y in units, heading in degrees.
     room : float
@@ -100,6 +109,8 @@ class Outcome:
         until the first right claim.
     arrived : int or None
         When a goto drive reported its arrival.
+    rested : int or None
+        When the run was ended as the robot stood for good. What was then is counted for all cycles to come.
     truth : list of float
         Probability of the true pose (within the claim's limits), every tenth cycle.
     calibration : list of (int, int)
@@ -110,6 +121,9 @@ class Outcome:
         in milliseconds.
     drive_ms : list of float
         The same for the drive.
+    ms_counts : list of int
+        Cycles by the time that filter and drive took together: in range k, from ``0.05 * 1.25**k``
+        milliseconds to the next, what is beyond the ends included.
     given_up : float
         Weight of the states that the filter gave up as too unlikely.
     """
@@ -132,10 +146,12 @@ class Outcome:
     noticed: int | None = None
     found: int | None = None
     arrived: int | None = None
+    rested: int | None = None
     truth: list[float] = field(default_factory=list)
     calibration: list[list[int]] = field(default_factory=list)
     filter_ms: list[float] = field(default_factory=list)
     drive_ms: list[float] = field(default_factory=list)
+    ms_counts: list[int] = field(default_factory=list)
     given_up: float = 0.0
 
     def to_json(self) -> dict[str, Any]:

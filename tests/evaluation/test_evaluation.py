@@ -9,10 +9,11 @@ import pytest
 
 from ciberrato.labfile import read_lab
 from evaluation.cli import main
+from evaluation.comparison import compare
 from evaluation.episode import run_task
 from evaluation.labs import judged_labs, public_labs, tuning_labs
-from evaluation.report import group_by, kidnapping_line, summary, table
-from evaluation.runner import Result, read_results, run_tasks
+from evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
+from evaluation.runner import Result, read_evaluation, run_tasks
 from evaluation.task import Outcome, Task
 
 SMALL = """<Lab Name="small" Height="6" Width="8">
@@ -37,6 +38,10 @@ def cache(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CIBERRATO_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
+
+
+def timeless(one: Outcome) -> dict[str, object]:
+    return {k: v for k, v in one.to_json().items() if k not in ("filter_ms", "drive_ms", "ms_counts")}
 
 
 def outcome(**fields) -> Outcome:
@@ -64,10 +69,8 @@ def outcome(**fields) -> Outcome:
 def test_the_same_task_has_the_same_outcome_and_knows_the_truth(lab_file):
     task = Task(lab=str(lab_file), start="free", seed=3, cycles=120, resolution=0.2, staged=False)
     first, second = run_task(task), run_task(task)
-    same = ("filter_ms", "drive_ms")
-    assert {k: v for k, v in first.to_json().items() if k not in same} == {
-        k: v for k, v in second.to_json().items() if k not in same
-    }
+    assert timeless(first) == timeless(second)
+    assert sum(first.ms_counts) == 121
     assert first.first_right is not None
     assert first.truth[-1] > 0.95
     assert first.final_place_error < 0.2
@@ -76,7 +79,7 @@ def test_the_same_task_has_the_same_outcome_and_knows_the_truth(lab_file):
 
 
 def test_a_kidnapping_is_noticed_and_the_run_ends_when_the_robot_is_found(lab_file):
-    task = Task(lab=str(lab_file), start="free", seed=4, cycles=400, resolution=0.2, staged=False, kidnap=90)
+    task = Task(lab=str(lab_file), start="free", seed=5, cycles=400, resolution=0.2, staged=False, kidnap=90)
     result = run_task(task)
     assert result.kidnapped == 90
     assert result.noticed is not None
@@ -89,24 +92,70 @@ def test_what_was_run_is_not_run_again_and_torn_lines_are(lab_file, tmp_path):
     tasks = [Task(lab=str(lab_file), seed=seed, cycles=5, resolution=0.5, staged=False) for seed in range(3)]
     path = tmp_path / "out.jsonl"
     bar = io.StringIO()
-    first = run_tasks(tasks[:2], path, jobs=1, progress=bar)
+    first = run_tasks(tasks[:2], path, jobs=1, progress=bar).results
     assert "2/2 runs" in bar.getvalue()
     path.write_bytes(path.read_bytes() + b'{"task": {"lab"')
     bar = io.StringIO()
-    again = run_tasks(tasks, path, jobs=1, progress=bar)
+    again = run_tasks(tasks, path, jobs=1, progress=bar).results
     assert "1/1 runs" in bar.getvalue()
     assert again[:2] == first
-    assert [result.task for result in read_results(path)] == tasks
+    assert read_evaluation(path).results == again
 
 
 def test_processes_give_the_results_of_one(lab_file, tmp_path):
     tasks = [Task(lab=str(lab_file), seed=seed, cycles=20, resolution=0.5, staged=False) for seed in range(2)]
     alone = run_tasks(tasks, tmp_path / "a.jsonl", jobs=1, progress=None)
     together = run_tasks(tasks, tmp_path / "b.jsonl", jobs=2, progress=None)
-    for one, other in zip(alone, together, strict=True):
+    assert len(alone.results) == 2
+    for one, other in zip(alone.results, together.results, strict=True):
         assert one.task == other.task
-        assert one.outcome.truth == other.outcome.truth
-        assert one.outcome.final_place_error == other.outcome.final_place_error
+        assert timeless(one.outcome) == timeless(other.outcome)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_task_that_fails_does_not_lose_the_others_and_is_tried_again(lab_file, tmp_path, jobs, capsys):
+    grid = tmp_path / "grid.xml"
+    grid.write_text('<Grid><Position X="2" Y="4" Dir="0"/></Grid>')  # in a wall
+    common = {"lab": str(lab_file), "cycles": 5, "resolution": 0.5, "staged": False}
+    bad = Task(**common, start="grid", grid=str(grid))
+    good = Task(**common)
+    path = tmp_path / "out.jsonl"
+    first = run_tasks([bad, good], path, jobs=jobs, progress=None)
+    assert [result.task for result in first.results] == [good]
+    assert [failure.task for failure in first.failures] == [bad]
+    assert main(["--report", "--output", str(path)]) == 1
+    shown = capsys.readouterr()
+    assert len(shown.out.splitlines()) == 2
+    assert shown.err.count("\n") == 1
+    assert "1 of 2 runs failed" in shown.err
+    assert "start grid" in shown.err
+    grid.write_text('<Grid><Position X="4" Y="1" Dir="0"/></Grid>')
+    again = run_tasks([bad, good], path, jobs=jobs, progress=None)
+    assert not again.failures
+    assert [result.task for result in again.results] == [bad, good]
+    assert read_evaluation(path).failures == []
+
+
+def test_what_a_task_raises_is_told_with_its_place(lab_file, tmp_path, monkeypatch):
+    def broken(task):
+        return 1 / 0
+
+    monkeypatch.setattr("evaluation.episode.run_task", broken)
+    result = run_tasks([Task(lab=str(lab_file))], tmp_path / "x.jsonl", jobs=1, progress=None)
+    assert result.failures[0].error.startswith("ZeroDivisionError: division by zero (test_evaluation.py:")
+
+
+def test_a_robot_that_stands_for_good_is_counted_to_the_end(monkeypatch):
+    task = Task(lab="maze", drive="right", start="centres", seed=1, cycles=300, resolution=0.5, staged=False)
+    short = run_task(task)
+    assert short.rested is not None
+    assert short.rested < 200
+    monkeypatch.setattr("evaluation.episode._AT_REST", 1000)
+    whole = run_task(task)
+    assert whole.rested is None
+    expected, found = timeless(whole), timeless(short)
+    differing = {name for name in expected if expected[name] != found[name]}
+    assert differing <= {"rested", "given_up"}
 
 
 def test_the_summary_counts_as_it_says():
@@ -122,14 +171,57 @@ def test_the_summary_counts_as_it_says():
     assert figures["half"] == 40  # two of four is half, and a quantile is not to flatter
     assert math.isinf(figures["90%"])
     assert figures["never%"] == figures["shut%"] == 25.0
+    assert figures["open never%"] == 0.0
     assert figures["wrong 1st%"] == pytest.approx(100 / 3)
     assert figures["wrong time%"] == pytest.approx(100 * 7 / 210)
     assert figures["place med"] == 0.05
     assert figures["place 95%"] == 0.15
     assert figures["coll/1000"] == pytest.approx(7.5)
+    low, high = figures["95% interval"]
+    assert low < 100 / 3 < high
     lines = table(group_by(results, "lab", "compass")).splitlines()
     assert lines[1].split()[:3] == ["a", "compass", "4"]
     assert "never" in lines[1]
+
+
+def test_intervals_are_those_of_wilson_score():
+    # Newcombe (1998), Statistics in Medicine 17, table I: 81/263, 15/148, 0/20, 1/29.
+    for hits, cases, low, high in (
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+    ):
+        assert wilson_interval(hits, cases) == pytest.approx((100 * low, 100 * high), abs=0.005)
+    assert all(math.isnan(end) for end in wilson_interval(0, 0))
+
+
+def test_drives_are_compared_by_group_and_slow_groups_once_more_by_the_other_half():
+    def runs(lab, drive, times):
+        return [
+            Result(Task(lab=lab, drive=drive, seed=seed), outcome(first_right=time))
+            for seed, time in enumerate(times)
+        ]
+
+    results = [
+        *runs("quick", "explore", [10, 20, 30, 40]),
+        *runs("quick", "active", [20, 20, 30, 40]),
+        *runs("slow", "explore", [100, 90, 120, 110]),
+        *runs("slow", "active", [50, 60, 40, None]),
+        # Slow by its runs with even seeds only, which must not count again.
+        *runs("chance", "explore", [200, 10, 200, 10]),
+        *runs("chance", "active", [10, 12, 10, 12]),
+        *runs("alone", "explore", [10]),
+    ]
+    lines = compare(results, "explore", "active", ["lab"]).splitlines()
+    cells = {line.split()[0]: line.split()[1:] for line in lines[1:4]}
+    assert cells["quick"] == ["4/4", "30", "30", "40", "40", "1.00", "1.00"]
+    assert cells["slow"] == ["4/4", "110", "60", "120", "never", "0.55", "never", "slow"]
+    assert "alone" not in cells
+    halves = lines[-1]
+    assert "2 groups" in halves
+    assert "half 90 / 60 cycles" in halves
+    assert "90% 110 / never cycles" in halves
+    assert compare(results, "explore", "right", ["lab"]) == "no group has runs of both explore and right"
 
 
 def test_the_command_runs_reports_and_draws(lab_file, tmp_path, capsys):
@@ -140,7 +232,34 @@ def test_the_command_runs_reports_and_draws(lab_file, tmp_path, capsys):
     assert len(shown.splitlines()) == 3
     assert main(["--report", "--output", str(path), "--figures", str(tmp_path / "figures")]) == 0
     assert capsys.readouterr().out.startswith(shown)
-    assert len(list((tmp_path / "figures").glob("*.png"))) == 4
+    assert len(list((tmp_path / "figures").glob("*.png"))) == 5
+
+
+def test_axes_make_tasks_once(lab_file, tmp_path, capsys):
+    path = tmp_path / "out.jsonl"
+    common = ["--lab", str(lab_file), "--resolution", "0.5", "--output", str(path), "--quiet", "--jobs", "1"]
+    axes = ["--prior", "told", "anywhere", "--gps", "on", "off", "--start", "centres", "free"]
+    assert main([*common, *axes, "--seeds", "1", "--cycles", "3"]) == 0
+    tasks = [result.task for result in read_evaluation(path).results]
+    # From anywhere there is nothing to tell.
+    assert sorted((t.start, t.prior, t.gps) for t in tasks) == [
+        ("centres", "anywhere", "off"),
+        ("centres", "anywhere", "on"),
+        ("centres", "centres", "off"),
+        ("centres", "centres", "on"),
+        ("free", "anywhere", "off"),
+        ("free", "anywhere", "on"),
+    ]
+    assert "told centres GPS on" in capsys.readouterr().out
+
+
+def test_outcomes_of_older_versions_are_read(tmp_path, capsys):
+    path = tmp_path / "old.jsonl"
+    task, result = dataclasses.asdict(Task(lab="a")), outcome().to_json()
+    del task["gps"], result["rested"], result["ms_counts"]
+    path.write_text(json.dumps({"task": task, "outcome": result}) + "\n")
+    assert main(["--report", "--output", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines()[1].endswith("12.00")
 
 
 @pytest.mark.parametrize(
