@@ -18,6 +18,7 @@ from ciberrato.viewlists import LONGEST, SECTORS, SQUARES_PER_UNIT
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
 
 OUTSIDE = 2
 """Units beyond the border that still have squares: sensors may stick out of the lab."""
@@ -128,6 +129,47 @@ class LabTables:
 def tables_of(walls: WallMap) -> LabTables:
     """Make the tables for walls, or give those that were made for the same ones."""
     return LabTables(walls)
+
+
+def touching(tables: LabTables, x: Floats, y: Floats) -> Booleans:
+    """Find out which robots would overlap a face.
+
+    Parameters
+    ----------
+    tables : LabTables
+    x, y : array, shape (n,)
+        Their centres.
+
+    Returns
+    -------
+    array of bool, shape (n,)
+    """
+    rows = tables.rows_at(x, y)
+    counts = np.where(rows == NOWHERE, TOUCHED + 1, tables.touched_count[rows])
+    result = np.zeros(x.size, np.bool_)
+    listed = np.flatnonzero((counts > 0) & (counts <= TOUCHED))
+    if listed.size:
+        width = int(counts[listed].max())
+        faces = tables.faces[tables.touched[rows[listed], :width]]
+        near = _overlap(faces, x[listed, np.newaxis], y[listed, np.newaxis])
+        result[listed] = (near & (np.arange(width) < counts[listed, np.newaxis])).any(axis=1)
+    for robot in np.flatnonzero(counts > TOUCHED).tolist():
+        result[robot] = tables.walls.touches(float(x[robot]), float(y[robot]), ROBOT_RADIUS)
+    return result
+
+
+def _overlap(faces: Floats, x: Floats, y: Floats) -> Booleans:
+    """Whether points are nearer than a radius to faces; shapes (n, k, 9) and (n, 1)."""
+    length, ux, uy = faces[..., 4], faces[..., 7], faces[..., 8]
+    dx, dy = x - faces[..., 0], y - faces[..., 1]
+    ex, ey = x - faces[..., 5], y - faces[..., 6]
+    along = dx * ux + dy * uy
+    distance = np.where(
+        along < 0.0,
+        np.sqrt(dx * dx + dy * dy),
+        np.where(along > length, np.sqrt(ex * ex + ey * ey), np.abs(dx * uy - dy * ux)),
+    )
+    return distance < ROBOT_RADIUS
 
 
 def _round_down(bounds: Floats) -> NDArray[np.float32]:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET
+from ciberrato.labtables import touching
 from ciberrato.manycones import many_cone_distances
-from simulator_stub.batch.motion import cosines_and_sines, touching, wrap
+from simulator_stub.batch.motion import cosines_and_sines, wrap
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.state import BatchState
 from simulator_stub.floor import inside_any
