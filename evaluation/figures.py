@@ -24,8 +24,8 @@ _STYLES = (
 )
 _MOST_COLUMNS = 4
 _MOST_PANELS = 16
-_LEAST_CYCLES = 100
-"""Cycles that a point of the calibration stands for, at least."""
+_LEAST_RUNS = 5
+"""Runs that a point of the calibration stands for, at least."""
 
 Draw = Callable[[Any, str, list[Result], dict[str, Any]], None]
 
@@ -82,14 +82,16 @@ def draw_figures(results: Sequence[Result], fields: Sequence[str], folder: Path)
                 wanted.draw(axes, line, group, {"color": colour, "linestyle": dashes, "marker": marker})
             axes.set_title(name, fontsize="medium")
             axes.grid(alpha=0.3)
-        for axes in grid.flat[len(panels) :]:
-            axes.set_visible(False)
-            grid.flat[len(panels) - columns].xaxis.set_tick_params(labelbottom=True)
+        for number, axes in enumerate(grid.flat):
+            axes.set_visible(number < len(panels))
+            if number + columns >= len(panels):  # nothing below
+                axes.set_xlabel(wanted.x_label)
+                axes.xaxis.set_tick_params(labelbottom=True)
         figure.suptitle(f"{wanted.title} ({len(results)} runs)")
-        figure.supxlabel(wanted.x_label)
         figure.supylabel(wanted.y_label)
         handles, labels = _legend(grid)
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 6))
+        if labels:
+            figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 6))
         path = folder / f"{wanted.name}.png"
         figure.savefig(path, dpi=120)
         pyplot.close(figure)
@@ -136,15 +138,22 @@ def _draw_times(axes: Any, label: str, results: list[Result], style: dict[str, A
     )
     for level in (0.5, 0.9):
         axes.axhline(level, color="grey", linewidth=0.6, linestyle=":")
+    _scale_cycles(axes, longest)
+
+
+def _scale_cycles(axes: Any, longest: int) -> None:
     axes.set_xscale("symlog", linthresh=10.0)
-    axes.set_xticks([0, 10, 30, 100, 300, 800], ["0", "10", "30", "100", "300", "800"])
+    ticks = [tick for tick in (0, 10, 30, 100, 300, 1000, 3000) if tick < 0.7 * longest] + [longest]
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
     axes.minorticks_off()
+    axes.set_xlim(0.0, longest)
     axes.set_ylim(0.0, 1.02)
 
 
 def _draw_truth(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
     # A run that ended early did so as nothing more was to happen.
-    length = max(len(result.outcome.truth) for result in results)
+    longest = max(result.task.cycles for result in results)
+    length = longest // TRUTH_PERIOD + 1
     held = [[*o.truth, *[o.truth[-1]] * (length - len(o.truth))] for o in (r.outcome for r in results)]
     axes.plot(
         TRUTH_PERIOD * np.arange(length),
@@ -153,7 +162,7 @@ def _draw_truth(axes: Any, label: str, results: list[Result], style: dict[str, A
         color=style["color"],
         linestyle=style["linestyle"],
     )
-    axes.set_ylim(0.0, 1.02)
+    _scale_cycles(axes, longest)
 
 
 def _draw_errors(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
@@ -175,27 +184,26 @@ def _draw_errors(axes: Any, label: str, results: list[Result], style: dict[str, 
 
 
 def _draw_shares(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
-    counts = np.sum([result.outcome.calibration for result in results], axis=0)
-    usable = counts[:, 0] >= _LEAST_CYCLES
+    # Every run counts once in a range: the cycles of a run are not independent of one another.
+    counts = np.array([result.outcome.calibration for result in results], np.float64)
+    having = counts[:, :, 0] > 0.0
+    shares = np.where(having, counts[:, :, 1] / np.maximum(counts[:, :, 0], 1.0), 0.0)
+    usable = having.sum(axis=0) >= _LEAST_RUNS
     middle = (np.arange(10) + 0.5) / 10.0
+    mean = shares.sum(axis=0)[usable] / having.sum(axis=0)[usable]
     axes.plot([0.0, 1.0], [0.0, 1.0], color="grey", linewidth=0.8)
-    axes.plot(middle[usable], counts[usable, 1] / counts[usable, 0], label=label, markersize=5, **style)
+    axes.plot(middle[usable], mean, label=label, markersize=5, **style)
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 1.02)
 
 
 def _draw_collisions(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
-    rates = np.sort([1000.0 * r.outcome.collisions / max(r.outcome.cycles, 1) for r in results])
-    axes.step(
-        [0.0, *rates],
-        np.arange(len(rates) + 1) / len(rates),
-        where="post",
-        label=label,
-        color=style["color"],
-        linestyle=style["linestyle"],
-    )
-    axes.set_xscale("symlog", linthresh=1.0)
-    axes.set_ylim(0.0, 1.02)
+    cycles = sum(result.outcome.cycles for result in results)
+    rate = 1000.0 * sum(result.outcome.collisions for result in results) / max(cycles, 1)
+    bars = axes.bar(label, rate, color=style["color"])
+    axes.bar_label(bars, [f"{rate:.2f}"], padding=2, fontsize="small")
+    axes.margins(y=0.15)
+    axes.set_ylim(bottom=0.0)
 
 
 _FIGURES = (
@@ -222,16 +230,16 @@ _FIGURES = (
     ),
     _Figure(
         "calibration",
-        "Calibration: is what the robot calls probable right as often?",
+        "Calibration: how often an estimate of that probability is right",
         "probability of the estimate",
-        "share of cycles in which it is right",
+        "share in which it is right, mean over the runs",
         _draw_shares,
     ),
     _Figure(
         "collisions",
         "Collisions",
-        "collisions in 1000 cycles",
-        "share of the runs with fewer or as many",
+        "",
+        "beginnings of collisions in 1000 cycles",
         _draw_collisions,
     ),
 )
