@@ -112,6 +112,7 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
         smooth=options.smooth,
         exit_when_finished=options.exit_when_finished,
         show=not settings.quiet,
+        lockstep=options.lockstep,
     )
     return LiveSession(settings, live, interrupts, reporter).run()
 
@@ -225,6 +226,11 @@ def _run_parser() -> argparse.ArgumentParser:
     )
     add("--smooth", action="store_true", help="belief file of the whole run's knowledge, for every cell")
     add("--exit-when-finished", action="store_true", help="end the run when active or goto are done")
+    add(
+        "--lockstep",
+        action="store_true",
+        help="with a simulator in lockstep: register when the tables are there, so that a seed gives one run",
+    )
     add("--exit-at-wall", action="store_true", help="end the run when a wall is ahead")
     add(
         "--silence",

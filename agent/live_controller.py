@@ -33,6 +33,8 @@ class LiveController(Controller):
         See `Controller`.
     exit_when_finished : bool
         Whether the run is over when the drive has nothing more to do.
+    lockstep : bool
+        Whether the simulator waits for every answer: then no clock has a say in what was in effect when.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class LiveController(Controller):
         *,
         exit_at_wall: bool = False,
         exit_when_finished: bool = False,
+        lockstep: bool = False,
     ) -> None:
         super().__init__(header, exit_at_wall=exit_at_wall)
         self.live = live
@@ -50,6 +53,8 @@ class LiveController(Controller):
         """Why the drive has nothing more to do, as soon as that is so."""
         self.cell_entered: tuple[int, int] | None = None
         """The cell that the last message found the robot to have entered, if it did."""
+        self._lockstep = lockstep
+        self._arrived: float | None = None
         self._drive = drive
         self._exit_when_finished = exit_when_finished
         self._decision: Decision | None = None
@@ -61,6 +66,9 @@ class LiveController(Controller):
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
     ) -> tuple[Cycle, Actions | None]:
         """See `Controller.observe`."""
+        self._arrived = arrived if newest else None
+        if self._lockstep:
+            arrived = None
         if self._time is None or measures.time >= self._time:
             self.live.observe(measures, self.command_in_effect(arrived))
         self._decision = None
@@ -73,6 +81,12 @@ class LiveController(Controller):
                 visiting_led=self._decision.visiting_led,
             )
         return self._add_pose(cycle, measures), actions
+
+    def sent(self, time: float) -> None:
+        """See `Controller.sent`."""
+        super().sent(time)
+        if self._arrived is not None and self.live.statistics.ready is not None:
+            self.live.statistics.answers.append(1000.0 * (time - self._arrived))
 
     def _decide(self, measures: Measures) -> Command:
         if self._drive is None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _LINE_EVERY = 20  # cycles between two lines of what is known
 _BAR = 24
+_POLL = 0.05  # seconds between looks whether the user wants to wait no longer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +43,9 @@ class LiveSettings:
         Whether the run is over when the drive has nothing more to do.
     show : bool
         Whether to print what is known while driving.
+    lockstep : bool
+        Whether the simulator waits for every answer. Then the run begins when the tables are there, and the
+        filter takes every message in at once: a run with the same seed is the same run.
     """
 
     drive: str = "right"
@@ -50,6 +54,7 @@ class LiveSettings:
     smooth: bool = False
     exit_when_finished: bool = False
     show: bool = True
+    lockstep: bool = False
 
 
 class LiveSession(Session):
@@ -67,6 +72,9 @@ class LiveSession(Session):
     def __init__(
         self, settings: Settings, live: LiveSettings, interrupts: Interrupts, reporter: Reporter
     ) -> None:
+        from agent.pose_filter import compiled
+
+        compiled.choice()  # to complain at once
         super().__init__(settings, interrupts, reporter)
         self._live_settings = live
         self._tables: TableWorker | None = None
@@ -76,8 +84,37 @@ class LiveSession(Session):
         self._restarts = 0
         self._finished: str | None = None
 
+    def run(self) -> int:
+        """See `Session.run`."""
+        try:
+            if self._live_settings.lockstep and not self._tables_are_there():
+                return self._interrupts.status
+            return super().run()
+        finally:
+            if self._tables is not None:
+                self._tables.stop()
+
+    def _tables_are_there(self) -> bool:
+        """Wait for everything that would come later in another cycle next time; say whether to go on."""
+        self._start_tables()
+        assert self._tables is not None
+        self._reporter.say("in lockstep: registering when the tables are there")
+        for wait in (self._tables.wait, self._tables.wait_for_loops):
+            while not wait(_POLL):
+                if self._interrupts.received:
+                    self._reporter.warn("interrupted before anything was recorded; nothing is written")
+                    return False
+        if self._tables.error is not None:
+            raise self._tables.error
+        return True
+
     def _start_worker(self) -> None:
         super()._start_worker()
+        self._start_tables()
+
+    def _start_tables(self) -> None:
+        if self._tables is not None:
+            return
         from agent.pose_filter.worker import TableWorker
 
         settings = self._settings
@@ -93,13 +130,17 @@ class LiveSession(Session):
         assert self._header is not None
         assert self._tables is not None
         settings, live = self._settings, self._live_settings
-        self._live = LiveFilter(settings.lab, self._header.parameters, self._tables, start=live.start)
+        budget = math.inf if live.lockstep else None
+        self._live = LiveFilter(
+            settings.lab, self._header.parameters, self._tables, start=live.start, budget=budget
+        )
         return LiveController(
             self._header,
             self._live,
             self._make_drive(),
             exit_at_wall=settings.exit_at_wall,
             exit_when_finished=live.exit_when_finished,
+            lockstep=live.lockstep,
         )
 
     def _make_drive(self) -> Drive | None:
@@ -162,7 +203,8 @@ class LiveSession(Session):
         self._live.finish()
         assert self._tables is not None
         self._tables.stop()
-        self._reporter.say(self._live.statistics.line())
+        for line in self._live.statistics.lines(self._tables):
+            self._reporter.say(line)
         if time.monotonic() - begin > 1.0:
             self._reporter.say(f"caught up in {time.monotonic() - begin:.1f} s")
         if self._live_settings.drive == "right" and not self._live_settings.smooth:

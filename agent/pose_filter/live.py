@@ -14,9 +14,9 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from agent.pose_filter.estimate import PoseEstimate, modes
+from agent.pose_filter.livestatistics import LiveStatistics
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.staged import StagedFilter
 from agent.pose_filter.worker import TableWorker
@@ -33,38 +33,6 @@ _POLL = 0.05  # seconds
 _AT_REST = 30  # messages without a command in a row; by then the wheels have long come to rest
 
 
-@dataclass(slots=True)
-class LiveStatistics:
-    """How the live filter kept up.
-
-    Attributes
-    ----------
-    milliseconds : list of float
-        Time used in every cycle.
-    lags : list of int
-        Messages left waiting after every cycle, since there are tables.
-    ready, fine : int or None
-        Times (simulated cycles) at which the filter began, and changed to fine tables.
-    """
-
-    milliseconds: list[float] = dataclasses.field(default_factory=list)
-    lags: list[int] = dataclasses.field(default_factory=list)
-    ready: int | None = None
-    fine: int | None = None
-
-    def line(self) -> str:
-        """Sum up in a line."""
-        ordered = sorted(self.milliseconds)
-        if not ordered:
-            return "the filter never ran"
-        late = sum(lag > 0 for lag in self.lags)
-        return (
-            f"filter: {ordered[len(ordered) // 2]:.1f} ms a cycle (median), "
-            f"{ordered[int(0.99 * (len(ordered) - 1))]:.1f} ms (99 %), {ordered[-1]:.1f} ms (most); "
-            f"behind in {late} of {len(ordered)} cycles, by {max(self.lags, default=0)} at most"
-        )
-
-
 class LiveFilter:
     """Feeds a pose filter within a budget of time.
 
@@ -78,7 +46,7 @@ class LiveFilter:
     start : {"anywhere", "centres"}
         See `PoseFilter`.
     budget : float or None
-        Seconds a cycle; None = half of CycleTime.
+        Seconds a cycle; None = half of CycleTime, infinite: every message is taken in at once.
     clock : callable
         Seconds.
     """

@@ -1,4 +1,8 @@
-"""Gets the pose filter's tables while the agent already drives: coarse ones first, then fine ones."""
+"""Gets the pose filter's tables while the agent already drives: coarse ones first, then fine ones.
+
+The compiled loops (extra `fast`) are fetched meanwhile. What takes long is done by processes of their own;
+threads only wait for them and load what they leave.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +20,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from agent.pose_filter.tables import PoseTables
     from ciberrato.lab import Lab
+
+_SHORT = 0.0005
+"""Seconds after which a thread that imports lets the agent's loop go on."""
 
 Progress = Callable[[str, float], None]
 """Told which tables are worked on (``coarse``, ``fine``) and the fraction done."""
@@ -52,20 +60,31 @@ class TableWorker:
         self._folder = folder
         self._progress = progress
         self._process: subprocess.Popen[bytes] | None = None
+        self._warming: subprocess.Popen[bytes] | None = None
         self._stopped = False
         self.coarse: PoseTables | None = None
         """As soon as they are there."""
         self.fine: PoseTables | None = None
+        self.seconds: dict[str, float] = {}
+        """When what was there, since `start`: ``coarse``, ``fine``, ``loops``."""
+        self._began = time.monotonic()
         self.error: BaseException | None = None
         self._done = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="pose tables", daemon=True)
+        self._looped = threading.Event()
 
     def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        """Start the threads."""
+        self._began = time.monotonic()
+        threading.Thread(target=self._run, name="pose tables", daemon=True).start()
+        threading.Thread(target=self._load_loops, name="pose loops", daemon=True).start()
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until all tables are there, or something went wrong.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            Seconds.
 
         Returns
         -------
@@ -74,11 +93,27 @@ class TableWorker:
         """
         return self._done.wait(timeout)
 
+    def wait_for_loops(self, timeout: float | None = None) -> bool:
+        """Wait until the compiled loops are loaded, or it is known that there are none.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            Seconds.
+
+        Returns
+        -------
+        bool
+            Whether that is so.
+        """
+        return self._looped.wait(timeout)
+
     def stop(self) -> None:
-        """End the process that computes, if there is one."""
+        """End the processes that compute, if there are any."""
         self._stopped = True
-        if self._process is not None:
-            self._process.terminate()
+        for process in (self._process, self._warming):
+            if process is not None:
+                process.terminate()
 
     def _run(self) -> None:
         try:
@@ -86,12 +121,38 @@ class TableWorker:
 
             coarse, fine = self._resolutions
             self.coarse = self._get("coarse", coarse or COARSE)
+            self.seconds["coarse"] = time.monotonic() - self._began
             self.fine = self._get("fine", fine or FINE)
+            self.seconds["fine"] = time.monotonic() - self._began
         except BaseException as error:
             if not self._stopped:
                 self.error = error
         finally:
             self._done.set()
+
+    def _load_loops(self) -> None:
+        """Let another process compile what is not in numba's cache yet, then load it from there."""
+        try:
+            from agent.pose_filter import compiled
+
+            if compiled.choice() == "off" or not compiled.available():
+                return
+            if compiled.kernels() is None:
+                command = [sys.executable, "-m", "agent.pose_filter.warming"]
+                self._warming = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+                if self._stopped:
+                    self._warming.terminate()
+                if self._warming.wait() != 0 or self._stopped:
+                    return
+                interval = sys.getswitchinterval()
+                sys.setswitchinterval(_SHORT)
+                try:
+                    compiled.load()
+                finally:
+                    sys.setswitchinterval(interval)
+            self.seconds["loops"] = time.monotonic() - self._began
+        finally:
+            self._looped.set()
 
     def _get(self, which: str, resolution: float) -> PoseTables:
         from agent.pose_filter.belief import REACH

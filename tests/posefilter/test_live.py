@@ -115,7 +115,15 @@ def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
     simulator = subprocess.Popen(
         [*command, "--autostart", "1", "--seed", "3", "--lockstep"], stdout=subprocess.PIPE, text=True
     )
-    options = ["--angles", "0,60,-60,180", "--drive", "goto:7,5", "--exit-when-finished", "--smooth"]
+    options = [
+        "--angles",
+        "0,60,-60,180",
+        "--drive",
+        "goto:7,5",
+        "--exit-when-finished",
+        "--smooth",
+        "--lockstep",
+    ]
     try:
         assert simulator.stdout is not None
         simulator.stdout.readline()
