@@ -26,7 +26,7 @@ def run_once(folder, cache, options, *, compiled="auto"):
     lab, parameters = folder.parent / "small_lab.xml", folder.parent / "params.xml"
     lab.write_text(LAB)
     parameters.write_text(PARAMETERS)
-    world = ["--lab", str(lab), "--grid", "1,3,0", "--param", str(parameters), "--seed", "3"]
+    world = ["--lab", str(lab), "--grid", "3,3,0", "--param", str(parameters), "--seed", "3"]
     simulator = subprocess.Popen(
         [sys.executable, "-m", "simulator_stub", *world, "--port", "0", "--autostart", "1", "--lockstep"],
         stdout=subprocess.PIPE,
