@@ -71,7 +71,7 @@ class Duel:
         poses = np.array(
             [(champion.x, champion.y, champion.heading), (found.x, found.y, found.heading)], np.float64
         )
-        scores = self._score(poses, step.infrared, step.compass, step.ground)
+        scores = self._score(poses, step.infrared, step.compass, step.ground, step.beacons)
         self.evidence += 0.5 * float(scores[1] - scores[0])
         if abs(self.evidence) < _DECIDED:
             return None

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.pose_filter.beacons import BeaconSense
 from agent.pose_filter.belief import PoseBelief
 from agent.pose_filter.estimate import PoseEstimate, estimate
 from agent.pose_filter.evidence import (
@@ -33,9 +34,10 @@ from agent.pose_filter.gps import GpsSense
 from agent.pose_filter.product import Factor, multiply
 from agent.pose_filter.reading_codes import ReadingCodes
 from agent.pose_filter.records import FilterSettings, FilterStep, Motion
+from agent.pose_filter.startprior import StartPrior, begin_with, parse_start
 from agent.pose_filter.symmetry import SymmetryCheck
 from agent.pose_filter.tables import BINS, PoseTables
-from ciberrato.kinematics import ROBOT_RADIUS, advance, clamp_power, filter_power, wrap_angle
+from ciberrato.kinematics import advance, clamp_power, filter_power, wrap_angle
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 from ciberrato.protocol.messages import BeaconReading, Measures
@@ -46,6 +48,7 @@ Command = tuple[float, float]
 _DEGREE = math.pi / 180.0
 GPS_EXPONENT = 0.8
 """Power to which the likelihood of a heading by the GPS is raised."""
+_EXCLUDED = 50.0  # evidence beyond any doubt
 _LONG_REST = 20  # messages after which a robot at rest is told nothing new
 
 
@@ -71,9 +74,9 @@ class PoseFilter:
     parameters : Parameters
         As announced.
     settings : FilterSettings, optional
-    start : {"anywhere", "centres"}
-        What is possible at the start: every free pose, or the centres of all cells with a heading of 0, 90,
-        180 or 270 degrees.
+    start : StartPrior or str
+        What is possible at the start: "anywhere", "centres" (of all cells, with a heading of 0, 90, 180 or
+        270 degrees) or what else `agent.pose_filter.startprior.parse_start` reads.
     """
 
     def __init__(
@@ -83,16 +86,20 @@ class PoseFilter:
         parameters: Parameters,
         settings: FilterSettings | None = None,
         *,
-        start: str = "anywhere",
+        start: str | StartPrior = "anywhere",
     ) -> None:
         self.lab = lab
         self.tables = tables
         self.parameters = parameters
         self.settings = settings or FilterSettings()
         self._prepare()
-        if start == "centres":
-            self._start_at_centres()
-        self._lag = max(parameters.obstacle_latency, parameters.compass_latency)
+        self._start = parse_start(start) if isinstance(start, str) else start
+        begin_with(self.belief, self._start)
+        self._lag = max(
+            parameters.obstacle_latency,
+            parameters.compass_latency,
+            parameters.beacon_latency if parameters.beacon_sensor else 0,
+        )
         self._ticks: deque[_Tick] = deque(maxlen=self._lag + 1)
         self._messages = 0
         self._time: int | None = None
@@ -102,12 +109,16 @@ class PoseFilter:
         self._since_diffusion = 0
         self._rested = 0
         self._estimate: PoseEstimate | None = None
+        self._beacons: BeaconSense | None = None
+        if parameters.beacon_sensor and lab.beacons:
+            self._beacons = BeaconSense(lab, parameters.beacon_noise, parameters.beacon_aperture)
         self._symmetry = SymmetryCheck(
             lab,
             tables.symmetries(lab),
             tables.angles,
             parameters.obstacle_noise,
             parameters.compass_noise,
+            self._beacons,
         )
         self._compared = False
         self.gps = GpsSense(parameters.gps_linear_noise, parameters.motors_noise) if parameters.gps else None
@@ -134,16 +145,6 @@ class PoseFilter:
         )
         self._ground = GroundSensor(self.lab, self.belief)
 
-    def _start_at_centres(self) -> None:
-        lattice = self.tables.lattice
-        at_centre = np.flatnonzero(
-            (np.abs(lattice.x % 2.0 - 1.0) < 1e-6)
-            & (np.abs(lattice.y % 2.0 - 1.0) < 1e-6)
-            & (lattice.clearance >= ROBOT_RADIUS - 1e-6)
-        )
-        quarters = np.arange(4) * (BINS // 4)
-        self.belief.set_states(np.repeat(quarters, len(at_centre)), np.tile(at_centre, 4))
-
     @property
     def planning_tables(self) -> PoseTables:
         """Tables whose lattice stays the same for the whole run."""
@@ -159,11 +160,15 @@ class PoseFilter:
     def estimate(self) -> PoseEstimate:
         """Give the pose at the last message, with its probability."""
         if self._estimate is None:
-            found = estimate(self.belief)
+            found = self._refined(estimate(self.belief))
             if self._symmetry.turns:
                 found = self._share_with_images(found)
             self._estimate = self._dead_reckoned(found)
         return self._estimate
+
+    def _refined(self, found: PoseEstimate) -> PoseEstimate:
+        """Give an estimate as exactly as it can be told; here, as it is."""
+        return found
 
     def _share_with_images(self, found: PoseEstimate) -> PoseEstimate:
         """Take into account that the lab may look the same turned round."""
@@ -172,8 +177,21 @@ class PoseFilter:
             self._compared = True
             way = sum((motion.left + motion.right) / 2.0 for motion in step.motions)
             pose = (found.x, found.y, found.heading)
-            self._symmetry.observe(pose, way, step.infrared, step.compass, step.ground)
-        return dataclasses.replace(found, probability=found.probability * self._symmetry.share())
+            self._symmetry.observe(pose, way, step.infrared, step.compass, step.ground, step.beacons)
+        share = self._symmetry.share(self._against_images(found.heading))
+        return dataclasses.replace(found, probability=found.probability * share)
+
+    def _against_images(self, heading: float) -> Floats:
+        """Say what the start and the GPS tell of the turned images, as natural logarithms."""
+        turns = self._symmetry.turns
+        known = 0.0 if self.restarts else _EXCLUDED
+        against = np.array([known * self._start.excludes(turn) for turn in turns])
+        if self.gps is not None:
+            headings = heading + np.array([0.0, *(turn.angle for turn in turns)])
+            tracker = self.gps.tracker
+            weights = np.log(tracker.at(tracker.weights(), headings) + 1e-9)
+            against += weights[0] - weights[1:]
+        return against
 
     def _dead_reckoned(self, found: PoseEstimate) -> PoseEstimate:
         """Add the motion since the newest readings, where they come late."""
@@ -217,8 +235,8 @@ class PoseFilter:
                 commands=(command_in_effect or (0.0, 0.0),) * cycles,
                 infrared=measures.infrared,
                 compass=measures.compass,
-                collision=measures.collision if self.parameters.collision_latency == 0 else None,
-                ground=measures.ground if self.parameters.ground_latency == 0 else None,
+                collision=measures.collision,
+                ground=measures.ground,
                 beacons=measures.beacons,
                 gps=measures.gps,
             )
@@ -233,11 +251,15 @@ class PoseFilter:
                 self.gps.offset.learn(measures.gps, found.x, found.y)
 
     def _process(self, time: int) -> None:
-        oldest, ticks = self._ticks[0], self._ticks
+        oldest, parameters = self._ticks[0], self.parameters
+        # Of these two sensors, whose readings matter less, nothing waits for what is later than the others.
+        blocked = self._late(parameters.collision_latency)
+        floor = self._late(parameters.ground_latency)
         motions = []
         for number, command in enumerate(oldest.commands):
             # Of cycles whose messages never came nobody knows whether a wall was in the way.
-            collision = oldest.collision if number == len(oldest.commands) - 1 else None
+            last = number == len(oldest.commands) - 1
+            collision = blocked.collision if last and blocked is not None else None
             self._wheels = left, right = _filtered(command, self._wheels)
             if left != 0.0 or right != 0.0:
                 motions.append(Motion(left, right, collision))
@@ -245,11 +267,12 @@ class PoseFilter:
         turned = sum(abs(motion.right - motion.left) for motion in motions)
         self.last_step = FilterStep(
             motions=tuple(motions),
-            infrared=ticks[min(self.parameters.obstacle_latency, len(ticks) - 1)].infrared,
-            compass=ticks[min(self.parameters.compass_latency, len(ticks) - 1)].compass,
-            ground=oldest.ground if moved > 0.0 or self._messages < 3 else None,
+            infrared=self._ticks[parameters.obstacle_latency].infrared,
+            compass=self._ticks[parameters.compass_latency].compass,
+            ground=floor.ground if floor is not None and (moved > 0.0 or self._messages < 3) else None,
             exponent=self._exponent(moved, turned),
             time=time,
+            beacons=self._ticks[parameters.beacon_latency].beacons if self._beacons is not None else (),
         )
         for motion in motions:
             self.predict(motion)
@@ -258,6 +281,10 @@ class PoseFilter:
         if self.gps is not None and oldest.gps is not None:
             self._take_gps(self.gps, oldest.gps, time)
         self.update(self.last_step)
+
+    def _late(self, latency: int) -> _Tick | None:
+        """Give the message with the readings made at the time of the oldest, if it has come."""
+        return self._ticks[latency] if latency < len(self._ticks) else None
 
     def _take_gps(self, gps: GpsSense, reading: tuple[float, float], time: int) -> None:
         likelihood, expected, jumped = gps.observe(reading, self.belief.headings())
@@ -356,9 +383,13 @@ class PoseFilter:
             tempered = np.exp(exponent * log_likelihood)
             elsewhere += math.log(float(tempered.mean()))
             by_bin = tempered.astype(np.float32)
-        if not factors and by_bin is None:
-            return
         multiply(belief, factors, by_bin)
+        told = None
+        if self._beacons is not None:
+            told = self._beacons.weigh(belief, step.beacons, exponent)
+            elsewhere += told or 0.0
+        if not factors and by_bin is None and told is None:
+            return
         if self._judge(belief.normalize(), elsewhere, step.time):
             belief.prune()
 

@@ -17,10 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.pose_filter.beacons import BeaconSense
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import ideal_reading, sensor_distances
 from ciberrato.kinematics import ROBOT_RADIUS
 from ciberrato.lab import Lab
+from ciberrato.protocol.messages import BeaconReading
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
@@ -125,12 +127,20 @@ class PoseScore:
         Mounting angles of the IR sensors in radians.
     obstacle_noise, compass_noise : float
         As announced.
+    beacons : BeaconSense or None
+        What beacon readings are compared with.
     """
 
     def __init__(
-        self, lab: Lab, angles: tuple[float, ...], obstacle_noise: float, compass_noise: float
+        self,
+        lab: Lab,
+        angles: tuple[float, ...],
+        obstacle_noise: float,
+        compass_noise: float,
+        beacons: BeaconSense | None = None,
     ) -> None:
         self.walls = WallMap.from_lab(lab)
+        self._beacons = beacons
         self._targets = lab.targets
         self._angles = np.array(angles)
         self._noise = obstacle_noise
@@ -142,6 +152,7 @@ class PoseScore:
         infrared: tuple[float | None, ...],
         compass: float | None,
         ground: int | None,
+        beacons: tuple[BeaconReading, ...] = (),
     ) -> Floats:
         """Score poses.
 
@@ -149,7 +160,7 @@ class PoseScore:
         ----------
         poses : array, shape (n, 3)
             Units and radians. The first is the reference: where expected readings are equal, so are scores.
-        infrared, compass, ground
+        infrared, compass, ground, beacons
             As sensed.
 
         Returns
@@ -163,6 +174,8 @@ class PoseScore:
             score -= np.minimum(0.5 * off**2 / self._compass_variance, 10.0)
         if ground is not None:
             score -= 3.0 * (self._grounds(poses) != ground)
+        if beacons and self._beacons is not None:
+            score += self._beacons.score(poses, beacons)
         score -= 10.0 * (self.walls.distance(poses[:, 0], poses[:, 1]) < ROBOT_RADIUS - 0.15)
         return score
 
@@ -199,6 +212,8 @@ class SymmetryCheck:
         Mounting angles of the IR sensors in radians.
     obstacle_noise, compass_noise : float
         As announced.
+    beacons : BeaconSense or None
+        What beacon readings are compared with.
     """
 
     def __init__(
@@ -208,8 +223,9 @@ class SymmetryCheck:
         angles: tuple[float, ...],
         obstacle_noise: float,
         compass_noise: float,
+        beacons: BeaconSense | None = None,
     ) -> None:
-        self._score = PoseScore(lab, angles, obstacle_noise, compass_noise)
+        self._score = PoseScore(lab, angles, obstacle_noise, compass_noise, beacons)
         self.turns = turns
         self._evidence = np.zeros(len(self.turns))
         self._last: Pose | None = None
@@ -221,6 +237,7 @@ class SymmetryCheck:
         infrared: tuple[float | None, ...],
         compass: float | None,
         ground: int | None,
+        beacons: tuple[BeaconReading, ...] = (),
     ) -> None:
         """Compare what was sensed with what is expected of the estimate and of its images.
 
@@ -230,7 +247,7 @@ class SymmetryCheck:
             The estimate: units and radians.
         way : float
             Units driven since the last message.
-        infrared, compass, ground
+        infrared, compass, ground, beacons
             As sensed.
         """
         if self._last is not None:
@@ -241,12 +258,18 @@ class SymmetryCheck:
         if not self.turns or self._evidence.min() > _DECIDED:
             return
         poses = np.array([pose, *(turn.apply(pose) for turn in self.turns)])
-        score = self._score(poses, infrared, compass, ground)
+        score = self._score(poses, infrared, compass, ground, beacons)
         gained = 0.5 * (score[0] - score[1:])
         self._evidence = np.maximum(self._evidence + np.where(np.abs(gained) > 0.02, gained, 0.0), -5.0)
 
-    def share(self) -> float:
-        """Give the estimate's share of its own and its images' probability."""
+    def share(self, besides: Floats | float = 0.0) -> float:
+        """Give the estimate's share of its own and its images' probability.
+
+        Parameters
+        ----------
+        besides : float or array, shape (turns,)
+            Evidence for the estimate and against each image that was not sensed of the lab.
+        """
         if not self.turns:
             return 1.0
-        return float(1.0 / (1.0 + np.exp(-np.minimum(self._evidence, 50.0)).sum()))
+        return float(1.0 / (1.0 + np.exp(-np.clip(self._evidence + besides, -50.0, 50.0)).sum()))
