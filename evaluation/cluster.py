@@ -47,6 +47,8 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Result | Failure
     except ImportError:
         raise UsageError("--scheduler needs the package `distributed` (Dask)") from None
     try:
+        # First, what is no address at all: a client that fails for that leaves threads behind.
+        importlib.import_module("distributed.comm").resolve_address(address)
         client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise UsageError(f"--scheduler {address}: {error}") from None
@@ -55,7 +57,7 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Result | Failure
         _check_workers(client, address, list(sent.values()))
         asked = dict(zip(client.map(attempt, list(sent.values()), pure=False), sent, strict=True))
         try:
-            for future in distributed.as_completed(list(asked)):
+            for future in distributed.as_completed(list(asked), loop=client.loop):
                 yield _answer(future, asked.pop(future))
                 future.release()
         finally:
@@ -105,8 +107,8 @@ def _check_workers(client: Any, address: str, tasks: Sequence[Task]) -> None:
 def _ask(client: Any, address: str, function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
     try:
         answers = client.run(function, *arguments)
-    except ImportError as error:
-        raise UsageError(f"--scheduler {address}: this project is not installed there ({error})") from None
+    except Exception as error:  # whatever the worker raised, ImportError above all
+        raise UsageError(f"--scheduler {address}: is this project installed there? {error}") from None
     assert isinstance(answers, dict)
     return answers
 

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ciberrato.errors import UsageError
+from evaluation import cluster
+from evaluation.runner import read_evaluation, run_tasks
+from evaluation.task import Task
+
+distributed = pytest.importorskip("distributed")
+
+TIMES = ("filter_ms", "drive_ms", "ms_counts")
+SMALL = """<Lab Name="small" Height="4" Width="6">
+  <Wall Height="4"><Corner X="1.9" Y="2"/><Corner X="2.1" Y="2"/><Corner X="2" Y="4"/></Wall>
+</Lab>"""
+
+
+def workers(number):
+    """Start a scheduler and workers, in this process."""
+    return distributed.LocalCluster(
+        n_workers=number,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+    )
+
+
+@pytest.fixture(scope="module")
+def address():
+    with workers(2) as two:
+        yield two.scheduler_address
+
+
+@pytest.fixture
+def tasks(tmp_path, monkeypatch):
+    monkeypatch.setenv("CIBERRATO_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small_lab.xml").write_text(SMALL)
+    return [
+        Task(lab="small_lab.xml", seed=seed, cycles=20, resolution=0.5, staged=False) for seed in range(3)
+    ]
+
+
+def test_a_cluster_gives_the_results_of_one_process(address, tasks, tmp_path):
+    (tmp_path / "grid.xml").write_text('<Grid><Position X="2" Y="3" Dir="0"/></Grid>')  # in a wall
+    bad = Task(lab="small_lab.xml", start="grid", grid="grid.xml", resolution=0.5, staged=False)
+    there = run_tasks([bad, *tasks], tmp_path / "there.jsonl", scheduler=address, progress=None)
+    here = run_tasks([bad, *tasks], tmp_path / "here.jsonl", jobs=1, progress=None)
+    # Under the names that were given, although the workers get absolute ones.
+    assert [result.task for result in there.results] == tasks
+    assert [failure.task for failure in there.failures] == [bad]
+    for one, other in zip(there.results, here.results, strict=True):
+        first, second = one.outcome.to_json(), other.outcome.to_json()
+        assert {k: v for k, v in first.items() if k not in TIMES} == {
+            k: v for k, v in second.items() if k not in TIMES
+        }
+    assert sorted(r.task.seed for r in read_evaluation(tmp_path / "there.jsonl").results) == [0, 1, 2]
+
+
+def test_workers_without_the_labs_or_with_other_code_are_told_at_once(address, tasks, tmp_path, monkeypatch):
+    lost = [*tasks, Task(lab=str(tmp_path / "lost_lab.xml"))]
+    with pytest.raises(UsageError, match=r"no file .*lost_lab\.xml"):
+        list(cluster.on_cluster(lost, address))
+    theirs = cluster._version() | {"numpy": "0.1"}
+    monkeypatch.setattr(cluster, "_ask", lambda *arguments: {"tcp://there": theirs})
+    with pytest.raises(UsageError, match=r"worker tcp://there: numpy is 0\.1 there"):
+        list(cluster.on_cluster(tasks, address))
+
+
+def test_a_cluster_without_workers_and_none_at_all_are_told_in_a_line(tasks):
+    with workers(0) as empty, pytest.raises(UsageError, match="no workers"):
+        list(cluster.on_cluster(tasks, empty.scheduler_address))
+    with pytest.raises(UsageError, match="nonsense"):
+        list(cluster.on_cluster(tasks, "nonsense::"))
+
+
+def test_what_a_worker_raises_loses_its_own_task_only(address, tasks, monkeypatch):
+    def deadly(task):
+        from evaluation.runner import attempt
+
+        if task.seed == 1:
+            raise MemoryError("so much for the worker")
+        return attempt(task)
+
+    monkeypatch.setattr(cluster, "attempt", deadly)
+    found = {one.task.seed: one for one in cluster.on_cluster(tasks, address)}
+    assert found[1].error == "MemoryError: so much for the worker"
+    assert found[0].outcome.cycles == found[2].outcome.cycles == 20
+
+
+def test_an_interrupted_evaluation_ends_at_once_and_takes_its_tasks_back(tasks, tmp_path):
+    with workers(1) as one:
+        command = [
+            *(sys.executable, "-m", "evaluation", "--lab", "small_lab.xml", "--seeds", "500"),
+            *("--cycles", "50", "--resolution", "0.5", "--output", str(tmp_path / "out.jsonl"), "--quiet"),
+            *("--scheduler", one.scheduler_address),
+        ]
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+        deadline = time.monotonic() + 60.0
+        while not read_evaluation(tmp_path / "out.jsonl").results and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=20)
+        assert process.returncode == 130
+        assert error.count("\n") == 2
+        assert 0 < len(read_evaluation(tmp_path / "out.jsonl").results) < 500
