@@ -103,7 +103,9 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
 
         return Session(settings, interrupts, reporter).run()
     from agent.live_session import LiveSession, LiveSettings
+    from agent.pose_filter.startprior import check_start, parse_start
 
+    check_start(parse_start(options.start), settings.lab)
     drive, goal = options.drive
     live = LiveSettings(
         drive=drive,
@@ -220,9 +222,11 @@ def _run_parser() -> argparse.ArgumentParser:
     )
     add(
         "--start",
-        choices=("anywhere", "centres"),
+        type=optiontypes.start,
         default="anywhere",
-        help="what --online takes for possible: any free pose (default), cell centres with four headings",
+        metavar="WHERE",
+        help="what --online takes for possible: anywhere (any free pose, default), centres (of cells, four "
+        "headings), centres:DEGREES, X,Y or X,Y,DEGREES",
     )
     add("--smooth", action="store_true", help="belief file of the whole run's knowledge, for every cell")
     add("--exit-when-finished", action="store_true", help="end the run when active or goto are done")

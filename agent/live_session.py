@@ -35,8 +35,8 @@ class LiveSettings:
     drive : {"right", "explore", "active", "goto"}
     goal : (float, float) or None
         Where ``goto`` goes, in units.
-    start : {"anywhere", "centres"}
-        What is possible at the start.
+    start : str
+        What is possible at the start, see `agent.pose_filter.startprior.parse_start`.
     smooth : bool
         Whether the belief file is computed afterwards, from the whole run.
     exit_when_finished : bool
@@ -125,11 +125,14 @@ class LiveSession(Session):
 
     def _make_controller(self) -> Controller:
         from agent.live_controller import LiveController
+        from agent.pose_filter.evidence import sensors_used
         from agent.pose_filter.live import LiveFilter
 
         assert self._header is not None
         assert self._tables is not None
         settings, live = self._settings, self._live_settings
+        sensors = ", ".join(sensors_used(settings.lab, self._header.parameters))
+        self._reporter.say(f"the pose is told by {sensors}; start: {live.start}")
         budget = math.inf if live.lockstep else None
         self._live = LiveFilter(
             settings.lab, self._header.parameters, self._tables, start=live.start, budget=budget

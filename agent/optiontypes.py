@@ -29,6 +29,28 @@ def drive(text: str) -> tuple[str, tuple[float, float] | None]:
     return "goto", (values[0], values[1])
 
 
+def start(text: str) -> str:
+    """Check what is said of the start.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
+        The same; see `agent.pose_filter.startprior.parse_start`.
+    """
+    from agent.pose_filter.startprior import parse_start
+    from ciberrato.errors import UsageError
+
+    try:
+        parse_start(text)
+    except UsageError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return text
+
+
 def number(text: str) -> float:
     """Read a number; nan if it is none.
 

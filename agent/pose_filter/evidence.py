@@ -10,8 +10,33 @@ from numpy.typing import NDArray
 from agent.pose_filter.belief import PoseBelief
 from ciberrato.kinematics import ROBOT_RADIUS
 from ciberrato.lab import Lab
+from ciberrato.parameters import Parameters
 
 Floats = NDArray[np.float64]
+
+
+def sensors_used(lab: Lab, parameters: Parameters) -> tuple[str, ...]:
+    """Name the sensors that tell the pose filter something.
+
+    Parameters
+    ----------
+    lab : Lab
+    parameters : Parameters
+        As announced.
+
+    Returns
+    -------
+    tuple of str
+    """
+    kinds = {
+        "infrared": True,
+        "compass": parameters.compass_sensor,
+        "GPS": parameters.gps,
+        "beacons": parameters.beacon_sensor and bool(lab.beacons),
+        "ground": bool(lab.targets),
+        "collision": True,
+    }
+    return tuple(kind for kind, used in kinds.items() if used)
 
 
 def weigh_separately(belief: PoseBelief, by_bin: Floats, by_square: Floats) -> None:
