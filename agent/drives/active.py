@@ -1,13 +1,8 @@
-"""``active``: the next leg is the one that is expected to tell most about the pose, for the time it takes.
+"""``active``: goes where the poses that are left are told apart soonest, and stops once the pose is known.
 
-Every candidate leg is imagined from a sample of the likely poses. If pose i is the true one, the readings
-along the leg are those expected for i, and pose j is left with a likelihood that falls with the squared
-difference of its expected readings from those. The expected entropy after the leg is then a sum over
-pairs of poses, and the leg with the greatest drop per cycle wins (Thrun, Burgard, Fox, *Probabilistic
-Robotics*, section 17.4, with the readings' noise taken out of the expectation: the likeliest readings
-stand for all).
-
-Poses near one another count as one: what is to be found out is the place, not its decimals.
+While nearly everything is possible, any open way tells much, and the next leg is that of `explore`. As soon
+as a handful of hypotheses carries the belief, the way that tells them apart best for its time is planned over
+relative poses (`agent.drives.hypotheses`), and planned again whenever the belief has changed much.
 """
 
 from __future__ import annotations
@@ -20,22 +15,23 @@ from numpy.typing import NDArray
 
 from agent.drives.base import STANDSTILL, Decision
 from agent.drives.explore import ExploreDrive
-from agent.drives.outlook import PoseSample, free_ways
-from agent.drives.roam import Closed, Roamer
+from agent.drives.hypotheses import FIRST_TURNS, plan
+from agent.drives.outlook import PoseSample
+from agent.drives.roam import Closed, LegPhase, Roamer
+from agent.pose_filter.estimate import PoseEstimate, modes
 from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.reading_codes import code_distances
 from ciberrato.protocol.messages import Measures
 
 Floats = NDArray[np.float64]
 
-LONGEST_LEG = 4.0
-_FIRST_TURNS = np.deg2rad(np.arange(-150, 181, 30))
-_SECOND_TURNS = np.deg2rad(np.array([-90.0, 0.0, 90.0]))
-_LOOKS = 5
-"""At how many places of a leg readings are imagined."""
-_NEAR = 0.7
-_ALIKE = math.radians(20.0)
-_POSES = 72
+_MOST_STATES = 8000
+"""States of the belief up to which it is worth while to look for hypotheses."""
+_HYPOTHESES = 8
+_COVERED = 0.6
+"""Probability that the hypotheses must have in all."""
+_LEAST_GAIN = 0.02  # nats
+_RECONSIDER_AFTER = 4  # cycles
+_RECONSIDER_DROP = 0.5  # bits
 
 
 class _Mode(StrEnum):
@@ -70,11 +66,13 @@ class ActiveDrive:
         self._roamer = Roamer(angles, obstacle_noise, self._choose, cruise=cruise)
         self._explorer = ExploreDrive(angles, obstacle_noise, cruise=cruise)
         self._noise = max(obstacle_noise, 0.1)
-        self._cruise = cruise
         self._hold = hold
         self._stop = stop
         self._known = 0
         self._mode = _Mode.LOCALIZING
+        self._since_choice = 0
+        self._doubt = math.inf
+        """Entropy over the hypotheses at the last choice, in bits; infinite if there were none."""
 
     @property
     def localized(self) -> bool:
@@ -93,87 +91,37 @@ class ActiveDrive:
                 self._roamer.stand()
                 return Decision(command=STANDSTILL, finished="localized")
             return self._explorer.decide(measures, pose_filter)
+        self._explorer.note_visit(pose_filter)
+        self._since_choice += 1
+        if self._since_choice >= _RECONSIDER_AFTER and self._roamer.phase is LegPhase.DRIVING:
+            found = _hypotheses(pose_filter)
+            if found and _entropy(found) < self._doubt - _RECONSIDER_DROP:
+                self._roamer.reconsider()
         return self._roamer.decide(measures, pose_filter)
 
     def _choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
-        """Choose the leg with the greatest expected drop of entropy per cycle."""
-        step = max(len(sample.x) // _POSES, 1)
-        poses = PoseSample(sample.x[::step], sample.y[::step], sample.heading[::step])
-        lattice = pose_filter.tables.lattice
-        ways = free_ways(lattice, poses, _FIRST_TURNS, LONGEST_LEG)
-        alike = _alike(poses)
-        shut = closed(_FIRST_TURNS)
-        best, best_score = (float(math.pi), 1.0), -math.inf
-        for number, turn in enumerate(_FIRST_TURNS):
-            length = float(np.quantile(ways[number], 0.1)) - 0.1
-            if length < 0.3 or shut[number]:
-                continue
-            features = self._imagine(pose_filter, poses, float(turn), length)
-            cycles = abs(turn) / 0.18 + 3.0 + length / self._cruise
-            gain = self._expected_drop(features, alike)
-            score = gain / (cycles + 5.0)
-            end = PoseSample(
-                poses.x + length * np.cos(poses.heading + turn),
-                poses.y + length * np.sin(poses.heading + turn),
-                poses.heading + turn,
-            )
-            onward = free_ways(lattice, end, _SECOND_TURNS, LONGEST_LEG)
-            for other, second in enumerate(_SECOND_TURNS):
-                further = float(np.quantile(onward[other], 0.1)) - 0.1
-                if further < 0.5:
-                    continue
-                both = np.concatenate(
-                    [features, self._imagine(pose_filter, end, float(second), further)], axis=1
-                )
-                more = abs(second) / 0.18 + 3.0 + further / self._cruise
-                score = max(score, self._expected_drop(both, alike) / (cycles + more + 5.0))
-            score += 1e-4 * length / (1.0 + abs(turn))
-            if score > best_score:
-                best, best_score = (float(turn), length), score
-        return best
-
-    def _imagine(self, pose_filter: PoseFilter, poses: PoseSample, turn: float, length: float) -> Floats:
-        """Give the readings expected along a leg, by their spread; shape (poses, looks * sensors)."""
-        tables = pose_filter.tables
-        lattice = tables.lattice
-        heading = poses.heading + turn
-        looks = np.linspace(min(0.4, length), length, _LOOKS)
-        x = poses.x[:, np.newaxis] + looks * np.cos(heading)[:, np.newaxis]
-        y = poses.y[:, np.newaxis] + looks * np.sin(heading)[:, np.newaxis]
-        column = np.clip(np.round((x - lattice.origin[0]) / lattice.resolution), 0, lattice.nx - 1)
-        row = np.clip(np.round((y - lattice.origin[1]) / lattice.resolution), 0, lattice.ny - 1)
-        square = lattice.index[(row * lattice.nx + column).astype(np.int64)]
-        inside = square < lattice.size
-        square = np.minimum(square, lattice.size - 1)
-        around = tables.codes[0].shape[0] // 2
-        direction = np.round(heading / (2.0 * math.pi) * around).astype(np.int64) % around
-        readings = 1.0 / code_distances()
-        parts = []
-        for table, ahead in tables.sensors:
-            codes = tables.codes[table][(direction + ahead)[:, np.newaxis], square]
-            parts.append(np.where(inside, self._scale(readings[codes]), 0.0))
-        return np.concatenate(parts, axis=1)
-
-    def _scale(self, reading: Floats) -> Floats:
-        """Transform readings so that equal differences tell equally much."""
-        spread = 0.06
-        return np.asarray(
-            np.arcsinh(reading * math.sqrt(spread / self._noise)) / math.sqrt(spread * self._noise)
-        )
-
-    def _expected_drop(self, features: Floats, alike: Floats) -> float:
-        """Give the expected drop of the entropy over places, in nats, by such readings."""
-        squares = (features**2).sum(axis=1)
-        apart = squares[:, np.newaxis] + squares - 2.0 * features @ features.T
-        likelihood = np.exp(-0.125 * np.minimum(np.maximum(apart, 0.0), 400.0))
-        # Probability left to places like the true one, given the readings expected there.
-        right = (likelihood * alike).sum(axis=1) / likelihood.sum(axis=1)
-        before = alike.mean(axis=1)
-        return float(np.log(right / before).mean())
+        """Choose the first leg of the way that tells most; see `agent.drives.roam.ChooseLeg`."""
+        self._since_choice, self._doubt = 0, math.inf
+        found = _hypotheses(pose_filter)
+        if len(found) > 1:
+            self._doubt = _entropy(found)
+            way = plan(pose_filter.tables, found, self._noise, closed(FIRST_TURNS))
+            if way is not None and way.gain > _LEAST_GAIN:
+                return way.turn, way.length
+        return self._explorer.choose(pose_filter, sample, closed)
 
 
-def _alike(poses: PoseSample) -> Floats:
-    """1 for pairs of poses that count as one, else 0; shape (poses, poses)."""
-    near = (poses.x[:, np.newaxis] - poses.x) ** 2 + (poses.y[:, np.newaxis] - poses.y) ** 2 < _NEAR**2
-    turn = np.abs((poses.heading[:, np.newaxis] - poses.heading + math.pi) % (2.0 * math.pi) - math.pi)
-    return np.asarray(near & (turn < _ALIKE), np.float64)
+def _hypotheses(pose_filter: PoseFilter) -> list[PoseEstimate]:
+    """List the poses that the belief is gathered around; none if they are too many."""
+    belief = pose_filter.belief
+    if belief.dense is not None or belief.states > _MOST_STATES:
+        return []
+    found = modes(belief, most=_HYPOTHESES)
+    return found if sum(mode.probability for mode in found) >= _COVERED else []
+
+
+def _entropy(found: list[PoseEstimate]) -> float:
+    """Entropy over hypotheses in bits, the rest of the belief taken for many more."""
+    known = np.array([mode.probability for mode in found if mode.probability > 0.0])
+    rest = max(1.0 - float(known.sum()), 0.0)
+    return float(-(known * np.log2(known)).sum()) + rest * math.log2(4.0 * _HYPOTHESES)

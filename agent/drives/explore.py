@@ -31,16 +31,17 @@ class ExploreDrive:
     """
 
     def __init__(self, angles: tuple[float, ...], obstacle_noise: float, *, cruise: float = 0.1) -> None:
-        self._roamer = Roamer(angles, obstacle_noise, self._choose, cruise=cruise)
+        self._roamer = Roamer(angles, obstacle_noise, self.choose, cruise=cruise)
         self._visits: Floats | None = None
         self._origin = (0.0, 0.0, 0.0)
 
     def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
-        self._note_visit(pose_filter)
+        self.note_visit(pose_filter)
         return self._roamer.decide(measures, pose_filter)
 
-    def _note_visit(self, pose_filter: PoseFilter) -> None:
+    def note_visit(self, pose_filter: PoseFilter) -> None:
+        """Take note of the cell that the robot is in, if that is known."""
         if self._visits is None:
             self._visits = np.zeros((pose_filter.lab.rows + 2, pose_filter.lab.columns + 2))
         found = pose_filter.estimate()
@@ -50,7 +51,8 @@ class ExploreDrive:
             self._visits *= 0.998
             self._visits[row, column] += 1.0
 
-    def _choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
+    def choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
+        """Choose the leg into the open; see `agent.drives.roam.ChooseLeg`."""
         ways = free_ways(pose_filter.tables.lattice, sample, _TURNS, LONGEST_LEG)
         mean = ways.mean(axis=1)
         reachable = np.quantile(ways, 0.1, axis=1)

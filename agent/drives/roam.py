@@ -22,7 +22,7 @@ from ciberrato.protocol.messages import Measures
 
 Floats = NDArray[np.float64]
 
-_TURN_POWER = 0.1
+_TURN_POWER = 0.15
 _SPRINT = 1.5
 """How much faster than cruising the robot drives where nothing is near."""
 _CURVATURES = np.array([-1.2, -0.7, -0.35, -0.15, 0.0, 0.15, 0.35, 0.7, 1.2])
@@ -133,6 +133,11 @@ class Roamer:
         command = self._next(measures, pose_filter)
         self._last = (round(command[0], 4), round(command[1], 4))
         return Decision(command=self._last)
+
+    def reconsider(self) -> None:
+        """End the leg that the robot is on; the next may well go on straight ahead."""
+        if self.phase is LegPhase.DRIVING and self._driven > _PROGRESS:
+            self.phase = LegPhase.CHOOSING
 
     def stand(self) -> None:
         """Take note that the robot stands, whatever leg it was on."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-_SLOW = 1.25  # reading ahead at which to slow down
-_HALT = 2.6  # and at which to stop
+_SLOW = 1.6  # reading ahead at which to slow down
+_HALT = 2.2  # and at which to stop
 _IN_THE_WAY = 1.8
 _SIDE_NEAR = 3.2  # reading to the side from which on to keep away
 _SIDE_HALT = 9.0
-_CREEP = 0.25
+_SLOWEST = 0.4  # of the cruising speed, before a wall ahead
+_CREEP = 0.25  # and between walls that are very near
 _MOST_STEER = 0.03
 _TOUCHING = 12.0  # reading ahead or behind from which on a turn in place is not safe
 _RETREAT = 0.015
@@ -82,7 +83,7 @@ class Bumper:
         sides = max(self.left, self.right)
         # A wall that the robot touches with its side is no reason to stay there for ever.
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
-        return min(0.25 + 0.75 * ahead if ahead > 0.0 else 0.0, beside)
+        return min(_SLOWEST + (1.0 - _SLOWEST) * ahead if ahead > 0.0 else 0.0, beside)
 
     @property
     def open(self) -> bool:
