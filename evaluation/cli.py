@@ -57,6 +57,8 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.replay is not None:
         return _replay(options)
+    if options.published:
+        return _published(options)
     if options.report:
         evaluation = read_evaluation(options.output)
         if not evaluation.results:
@@ -118,6 +120,23 @@ def _replay(options: argparse.Namespace) -> int:
     for folder in options.replay:
         for line in replay(folder, lab):
             print(line)
+    return 0
+
+
+def _published(options: argparse.Namespace) -> int:
+    from evaluation.published import Order, compare_with_published, published_table
+
+    orders = [
+        Order(
+            lab=lab,
+            resolution=_resolution(lab) if options.resolution is None else options.resolution,
+            runs=options.seeds,
+        )
+        for name in options.lab or ["standard"]
+        for lab, _ in _find_labs(name, options.labs)
+    ]
+    compared = list(compare_with_published(orders, jobs=options.jobs))
+    print(published_table(compared))
     return 0
 
 
@@ -221,6 +240,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--output", type=Path, default=Path("evaluation.jsonl"), metavar="FILE", help="outcomes, added to")
     add("--report", action="store_true", help="run nothing, sum up what the output file holds")
     add("--replay", nargs="+", type=Path, metavar="DIR", help="run the filter over recorded sessions instead")
+    add(
+        "--published",
+        action="store_true",
+        help="hold the filter against the published method instead, from --seeds cells, without motor noise",
+    )
     add("--by", nargs="+", choices=_GROUPS, metavar="AXIS", help=f"groups of the table: {', '.join(_GROUPS)}")
     add(
         "--compare",

@@ -49,13 +49,15 @@ class Driver(Protocol):
 
 
 @functools.lru_cache(maxsize=8)
-def _lab(name: str) -> Lab:
+def lab_of(name: str) -> Lab:
+    """Read a lab, once a process."""
     return read_lab(find_lab(name))
 
 
 @functools.lru_cache(maxsize=8)
-def _tables(name: str, angles: tuple[float, ...], resolution: float) -> PoseTables:
-    return cached_tables(_lab(name), angles, resolution)
+def tables_of(name: str, angles: tuple[float, ...], resolution: float) -> PoseTables:
+    """Read the tables of a lab, or compute them, once a process."""
+    return cached_tables(lab_of(name), angles, resolution)
 
 
 def tables_needed(task: Task) -> list[tuple[str, tuple[float, ...], float]]:
@@ -68,7 +70,7 @@ def tables_needed(task: Task) -> list[tuple[str, tuple[float, ...], float]]:
 
 def prepare(lab: str, angles: tuple[float, ...], resolution: float) -> None:
     """Compute tables that are not on disk yet, once for all processes that follow."""
-    cached_tables(_lab(lab), angles, resolution)
+    cached_tables(lab_of(lab), angles, resolution)
 
 
 def run_task(task: Task) -> Outcome:
@@ -83,8 +85,8 @@ def run_task(task: Task) -> Outcome:
     Outcome
         The same for the same task, but for the times that it took.
     """
-    lab, angles = _lab(task.lab), _angles(task)
-    tables = _tables(task.lab, angles, task.resolution)
+    lab, angles = lab_of(task.lab), _angles(task)
+    tables = tables_of(task.lab, angles, task.resolution)
     parameters = _parameters(task)
     generator = np.random.default_rng([task.seed, 0x5EED])
     start = start_pose(task, tables.lattice, generator)
@@ -127,7 +129,7 @@ def run_task(task: Task) -> Outcome:
 def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameters) -> PoseFilter:
     if not task.staged or task.resolution >= COARSE:
         return PoseFilter(lab, tables, parameters, start=task.prior)
-    coarse = _tables(task.lab, _angles(task), COARSE)
+    coarse = tables_of(task.lab, _angles(task), COARSE)
     return StagedFilter(lab, coarse, tables, parameters, start=task.prior)
 
 

@@ -12,6 +12,7 @@ from evaluation.cli import main
 from evaluation.comparison import compare
 from evaluation.episode import run_task
 from evaluation.labs import judged_labs, public_labs, tuning_labs
+from evaluation.published import Compared, Order, Step
 from evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
 from evaluation.runner import Result, read_evaluation, run_tasks
 from evaluation.task import Outcome, Task
@@ -299,3 +300,26 @@ def test_labs_are_chosen_by_the_rule(tmp_path):
     assert [lab.name for lab in judged_labs(tmp_path)] == ["D/a-lab", "B/b-lab"]
     assert [lab.name for lab in tuning_labs(tmp_path)] == ["A/b-lab"]
     assert read_lab(tmp_path / "D" / "a-lab.xml").walls
+
+
+def test_the_filter_is_held_against_the_published_method(lab_file, capsys):
+    assert main(["--published", "--lab", str(lab_file), "--resolution", "0.5", "--seeds", "3"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    cells = lines[1].split()
+    assert cells[0].endswith("/small_lab")
+    assert int(cells[2]) >= int(cells[1]) == 3
+    assert all(0.0 < float(cell) <= 1.0 for cell in cells[3:9])
+    assert lines[-1].startswith("The pose filter is worse in ")
+
+
+def test_worse_is_said_where_it_is_so():
+    def compared(published, ours):
+        return Compared(Order("a", 0.1, 1), ((Step(0, published, ours),),))
+
+    assert not compared((0.5, 1.0), (0.5, 1.0)).worse
+    assert not compared((0.5, 0.5), (0.9, 1.0)).worse
+    assert compared((0.5, 1.0), (0.4, 1.0)).worse
+    assert compared((0.5, 1.0), (0.9, 0.0)).worse
+    # The last steps count by themselves.
+    good, bad = Step(0, (0.1, 0.0), (0.9, 1.0)), Step(1, (0.9, 1.0), (0.5, 1.0))
+    assert Compared(Order("a", 0.1, 1), ((good, bad),)).worse
