@@ -166,6 +166,9 @@ class PoseFilter:
             self._estimate = self._dead_reckoned(found)
         return self._estimate
 
+    def _follow(self, step: FilterStep) -> None:
+        """Let what refines the estimate take in a step."""
+
     def _refined(self, found: PoseEstimate) -> PoseEstimate:
         """Give an estimate as exactly as it can be told; here, as it is."""
         return found
@@ -281,6 +284,7 @@ class PoseFilter:
         if self.gps is not None and oldest.gps is not None:
             self._take_gps(self.gps, oldest.gps, time)
         self.update(self.last_step)
+        self._follow(self.last_step)
 
     def _late(self, latency: int) -> _Tick | None:
         """Give the message with the readings made at the time of the oldest, if it has come."""

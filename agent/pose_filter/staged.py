@@ -12,8 +12,11 @@ import numpy as np
 
 from agent.pose_filter.belief import PoseBelief
 from agent.pose_filter.challenge import PERIOD, Duel
+from agent.pose_filter.estimate import PoseEstimate
 from agent.pose_filter.posefilter import Command, PoseFilter
-from agent.pose_filter.records import FilterSettings
+from agent.pose_filter.records import FilterSettings, FilterStep
+from agent.pose_filter.refinement import Refinement
+from agent.pose_filter.startprior import StartPrior
 from agent.pose_filter.symmetry import PoseScore
 from agent.pose_filter.tables import PoseTables
 from ciberrato.lab import Lab
@@ -38,8 +41,10 @@ class StagedFilter(PoseFilter):
         As announced.
     settings : FilterSettings, optional
         Of the fine filter.
-    start : {"anywhere", "centres"}
+    start : str or StartPrior
         See `PoseFilter`.
+    generator : numpy.random.Generator, optional
+        For the particles that refine the estimate; the default is always the same one.
     """
 
     def __init__(
@@ -50,7 +55,8 @@ class StagedFilter(PoseFilter):
         parameters: Parameters,
         settings: FilterSettings | None = None,
         *,
-        start: str = "anywhere",
+        start: str | StartPrior = "anywhere",
+        generator: np.random.Generator | None = None,
     ) -> None:
         super().__init__(lab, coarse, parameters, COARSE_SETTINGS, start=start)
         self._fine_settings = settings or FilterSettings()
@@ -59,7 +65,11 @@ class StagedFilter(PoseFilter):
         self._coarse = coarse
         self._duel: Duel | None = None
         self._waited = 0
-        self._score = PoseScore(lab, coarse.angles, parameters.obstacle_noise, parameters.compass_noise)
+        self.refinement = Refinement(lab, coarse.angles, parameters, generator or np.random.default_rng(0))
+        """Particles around the pose, while it is known."""
+        self._score = PoseScore(
+            lab, coarse.angles, parameters.obstacle_noise, parameters.compass_noise, self._beacons
+        )
 
     @property
     def is_fine(self) -> bool:
@@ -80,6 +90,12 @@ class StagedFilter(PoseFilter):
             return
         if self.belief.states <= FEW:
             self._change(self.fine_tables, self._fine_settings)
+
+    def _follow(self, step: FilterStep) -> None:
+        self.refinement.follow(step, min(step.exponent / self.settings.exponent, 1.0))
+
+    def _refined(self, found: PoseEstimate) -> PoseEstimate:
+        return self.refinement.refine(found, self.belief)
 
     def _challenge(
         self, measures: Measures, command: Command | None, wheels: Command, time: int | None
@@ -107,6 +123,7 @@ class StagedFilter(PoseFilter):
             self.tables, self.settings = self._coarse, COARSE_SETTINGS
             self.belief = challenger.belief
             self._prepare_sensors()
+            self.refinement.end()
             if self.gps is not None:
                 self.gps.offset.forget()  # learnt at the wrong pose
             self._estimate = None
@@ -114,6 +131,7 @@ class StagedFilter(PoseFilter):
     def restart(self, time: int) -> None:
         """Forget everything, on the coarse lattice."""
         self._duel = None
+        self.refinement.end()
         if self.is_fine:
             self.tables, self.settings = self._coarse, COARSE_SETTINGS
             self._prepare(uniform=False)
