@@ -86,7 +86,9 @@ class LiveSession(Session):
 
     def run(self) -> int:
         """See `Session.run`."""
+        self._prepare()
         try:
+            self._start_tables()
             if self._live_settings.lockstep and not self._tables_are_there():
                 return self._interrupts.status
             return super().run()
@@ -94,9 +96,22 @@ class LiveSession(Session):
             if self._tables is not None:
                 self._tables.stop()
 
+    def _prepare(self) -> None:
+        """Load what the loop will need: later, that would cost it its first cycles."""
+        import gc
+
+        import agent.drives
+        import agent.ground_truth
+        import agent.live_controller
+        import agent.pose_filter.live
+        import agent.runlog  # noqa: F401
+
+        # What is here now stays: no need to look through it again and again for what can go.
+        gc.collect()
+        gc.freeze()
+
     def _tables_are_there(self) -> bool:
         """Wait for everything that would come later in another cycle next time; say whether to go on."""
-        self._start_tables()
         assert self._tables is not None
         self._reporter.say("in lockstep: registering when the tables are there")
         for wait in (self._tables.wait, self._tables.wait_for_loops):
@@ -109,12 +124,13 @@ class LiveSession(Session):
         return True
 
     def _start_worker(self) -> None:
-        super()._start_worker()
-        self._start_tables()
+        # The published method's tables are wanted at the end, if at all; until then they are not worked out.
+        from agent.ground_truth import GroundTruthWorker
+
+        settings = self._settings
+        self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
 
     def _start_tables(self) -> None:
-        if self._tables is not None:
-            return
         from agent.pose_filter.worker import TableWorker
 
         settings = self._settings
@@ -200,7 +216,7 @@ class LiveSession(Session):
 
     def _finish(self, link: Link, reason: str) -> int:
         if self._live is None or not self._live.history:
-            return super()._finish(link, reason)
+            return self._finish_as_published(link, reason)
         self._stop(link)
         begin = time.monotonic()
         self._live.finish()
@@ -211,8 +227,13 @@ class LiveSession(Session):
         if time.monotonic() - begin > 1.0:
             self._reporter.say(f"caught up in {time.monotonic() - begin:.1f} s")
         if self._live_settings.drive == "right" and not self._live_settings.smooth:
-            return super()._finish(link, reason)
+            return self._finish_as_published(link, reason)
         return self._write_beliefs(reason)
+
+    def _finish_as_published(self, link: Link, reason: str) -> int:
+        if self._worker is not None:
+            self._worker.start()
+        return super()._finish(link, reason)
 
     def _write_beliefs(self, reason: str) -> int:
         from agent.belieffile import write_beliefs

@@ -22,6 +22,7 @@ MODULES = (
     "bayes_lines",
     "bayes_poses",
     "agent_timing",
+    "agent_live",
     "simulator_speed",
     "simulator_lockstep",
     "simulator_crowd",

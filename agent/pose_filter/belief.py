@@ -29,6 +29,9 @@ Indices = NDArray[np.int64]
 
 _SPARSE_BELOW = 0.1
 """Fraction of the states with weight below which a list of them is faster than an array of all."""
+_LEAST_SHARE = 1e-7
+"""Of a weight that is spread to a neighbour; less is lost in rounding, and slow: wheels never quite come to
+rest, and what they give is squared until it is less than a processor takes for a normal number."""
 REACH = 2
 """Greatest shift in squares at once."""
 
@@ -262,6 +265,8 @@ class PoseBelief:
             Along y instead of x.
         """
         share = min(variance / self.lattice.resolution**2 / 2.0, 0.3)
+        if share < _LEAST_SHARE:
+            return
         code = _code(0, 1) if vertical else _code(1, 0)
         if self.dense is not None:
             assert self._spare is not None
@@ -287,6 +292,8 @@ class PoseBelief:
     def diffuse_heading(self, variance: float) -> None:
         """Spread over the neighbouring headings; variance in radians squared."""
         share = min(variance / self.bin_width**2 / 2.0, 0.3)
+        if share < _LEAST_SHARE:
+            return
         change = {step: self._row_change(step) for step in (1, -1)}
         if self.dense is not None:
             assert self._spare is not None

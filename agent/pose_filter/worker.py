@@ -6,6 +6,7 @@ threads only wait for them and load what they leave.
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import subprocess
@@ -144,12 +145,7 @@ class TableWorker:
                     self._warming.terminate()
                 if self._warming.wait() != 0 or self._stopped:
                     return
-                interval = sys.getswitchinterval()
-                sys.setswitchinterval(_SHORT)
-                try:
-                    compiled.load()
-                finally:
-                    sys.setswitchinterval(interval)
+                _load_gently()
             self.seconds["loops"] = time.monotonic() - self._began
         finally:
             self._looped.set()
@@ -196,6 +192,21 @@ class TableWorker:
         self._process = None
         if self._progress is not None:
             self._progress(which, 1.0)
+
+
+def _load_gently() -> None:
+    """Import the loops while the agent's loop runs in another thread, which is to get its turns."""
+    from agent.pose_filter import compiled
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(_SHORT)
+    gc.disable()  # a look through all that is imported would hold up everybody
+    try:
+        compiled.load()
+    finally:
+        gc.freeze()
+        gc.enable()
+        sys.setswitchinterval(interval)
 
 
 def _writable(folder: Path) -> bool:
