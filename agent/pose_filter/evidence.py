@@ -39,24 +39,6 @@ def sensors_used(lab: Lab, parameters: Parameters) -> tuple[str, ...]:
     return tuple(kind for kind, used in kinds.items() if used)
 
 
-def weigh_separately(belief: PoseBelief, by_bin: Floats, by_square: Floats) -> None:
-    """Multiply a belief by a likelihood of headings and one of squares, and normalize it.
-
-    Parameters
-    ----------
-    belief : PoseBelief
-    by_bin : array, shape (bins,)
-    by_square : array, shape (squares,)
-    """
-    if belief.dense is None:
-        belief.weight *= (by_bin[belief.bin] * by_square[belief.square]).astype(np.float32)
-    else:
-        # The square's factor may be far from 1, and a float holds only so much: the largest becomes 1.
-        belief.dense[:, :-1] *= (by_square / by_square.max()).astype(np.float32)
-        belief.dense *= by_bin.astype(np.float32)[:, np.newaxis]
-    belief.normalize()
-
-
 def compass_log_likelihood(belief: PoseBelief, degrees: float, noise: float) -> Floats:
     """Give the logarithm of the likelihood of a compass reading for every bin, less the greatest.
 

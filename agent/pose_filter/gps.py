@@ -18,6 +18,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.pose_filter.belief import PoseBelief
+from agent.pose_filter.gpsplace import PlaceDensity, weigh_place
+from agent.pose_filter.product import multiply
 from agent.pose_filter.records import Motion
 
 Floats = NDArray[np.float64]
@@ -37,7 +40,10 @@ _UNTRUSTED = 0.5  # weight of "the headings say nothing", after the belief was f
 _ENOUGH = 30  # readings from which an offset is worth something
 _MOST = 400
 _POSE_ERROR = 0.1  # units; of a pose that is known, and it does not average out
-_DOUBT = 0.02  # probability that an offset is wrong all the same
+_AFTER_JUMP = 60  # readings for which the offset known before a jump is used; then the infrared knows better
+
+EXPONENT = 0.8
+"""Power to which the likelihood of a heading is raised."""
 
 
 class GpsTracker:
@@ -55,7 +61,8 @@ class GpsTracker:
         self.reading_variance = noise**2 + _ROUNDING
         self._motors_noise = motors_noise / 100.0
         self._offset = 0.0
-        self._variance = self.reading_variance
+        self.variance = self.reading_variance
+        """Of the place in the GPS's coordinates along each axis, in units squared."""
         self._turn_variance = 0.0
         self._mean: Floats | None = None
         self._weight = np.full(_BINS, 1.0 / _BINS)
@@ -94,9 +101,9 @@ class GpsTracker:
         if self._mean is not None and not collision:
             headings = self.headings()
             self._mean += way * np.stack([np.cos(headings), np.sin(headings)], axis=1)
-            self._variance += wheels / 8.0 + _PLACE_FLOOR**2 * moving
+            self.variance += wheels / 8.0 + _PLACE_FLOOR**2 * moving
             if collision is None:  # a wall may have been in the way
-                self._variance += way**2
+                self.variance += way**2
         self._offset += right - left
         self._turn_variance += wheels + _TURN_FLOOR**2 * moving
         share = self._turn_variance / _WIDTH**2 / 2.0
@@ -118,7 +125,7 @@ class GpsTracker:
                 for part, mean in zip(parts, means, strict=True)
             )
             self._mean = mixed
-            self._variance += float(spread)  # sideways mostly: all of it, not half, along each axis
+            self.variance += float(spread)  # sideways mostly: all of it, not half, along each axis
         self._weight = weight
 
     def observe(self, reading: Place) -> tuple[Floats, bool]:
@@ -139,9 +146,9 @@ class GpsTracker:
         place = np.array(reading, np.float64)
         if self._mean is None:
             self._mean = np.tile(place, (_BINS, 1))
-            self._variance = self.reading_variance
+            self.variance = self.reading_variance
             return np.ones(_BINS), False
-        variance = self._variance + self.reading_variance
+        variance = self.variance + self.reading_variance
         innovation = place - self._mean
         likelihood = np.exp(-0.5 * (innovation**2).sum(axis=1) / variance)
         foreseen = float(self._weight @ likelihood)
@@ -154,10 +161,28 @@ class GpsTracker:
         likelihood = (likelihood + _LEAST_LIKELIHOOD) / (likelihood.max() + _LEAST_LIKELIHOOD)
         weight = self._weight * likelihood + 1e-12
         self._weight = weight / weight.sum()
-        gain = self._variance / variance
+        gain = self.variance / variance
         self._mean += gain * innovation
-        self._variance = max((1.0 - gain) * self._variance, _LEAST_VARIANCE)
+        self.variance = max((1.0 - gain) * self.variance, _LEAST_VARIANCE)
         return likelihood, False
+
+    def mean_at(self, headings: Floats) -> Floats | None:
+        """Give the place in the GPS's coordinates for other headings, those of the nearest bins.
+
+        Parameters
+        ----------
+        headings : array, shape (n,)
+            Radians.
+
+        Returns
+        -------
+        array, shape (n, 2), or None
+            Units; None without a reading.
+        """
+        if self._mean is None:
+            return None
+        nearest = np.round((headings - self._offset) / _WIDTH).astype(np.int64) % _BINS
+        return np.asarray(self._mean[nearest])
 
     def at(self, values: Floats, headings: Floats) -> Floats:
         """Look up a value of each bin at other headings, averaged over 5 degrees.
@@ -248,66 +273,84 @@ class GpsSense:
         self.offset = GpsOffset(self.tracker.reading_variance)
         self._reading: Place | None = None
         self._jumped = False
+        self._before_jump: tuple[Place, float] | None = None  # offset, and its variance
+        self._since_jump = 0
 
-    def observe(self, reading: Place, headings: Floats) -> tuple[Floats, float, bool]:
-        """Take in a reading.
+    def weigh(self, belief: PoseBelief, reading: Place) -> tuple[float, float] | None:
+        """Multiply a belief by the likelihood of a reading, and normalize it.
 
         Parameters
         ----------
+        belief : PoseBelief
         reading : (float, float)
-        headings : array
-            Of the belief's bins, in radians.
-
-        Returns
-        -------
-        likelihood : array, shape of headings
-            See `GpsTracker.observe`.
-        expected : float
-            The likelihood that is to be expected if the belief says nothing about the heading.
-        jumped : bool
-            Whether the filter has to start anew (`begin_anew` then says with what).
-        """
-        self._reading = reading
-        before = self.tracker.weights()
-        likelihood, self._jumped = self.tracker.observe(reading)
-        return self.tracker.at(likelihood, headings), float(before @ likelihood), self._jumped
-
-    def begin_anew(self, headings: Floats, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Say what is known of heading and place when the belief has been given up.
-
-        Parameters
-        ----------
-        headings : array, shape (bins,)
-            Radians.
-        x, y : array, shape (squares,)
             Units.
 
         Returns
         -------
-        by_bin : array, shape (bins,)
-        by_square : array, shape (squares,)
-            Probabilities up to a factor. After a jump it is the place, by the offset, if that was known;
-            without one the belief was wrong, hence the offset too, and it is the heading.
+        (float, float) or None
+            The evidence, and the natural logarithm of what is to be expected of it if nothing is known of
+            the heading. None: the robot has been moved, and the belief is as it was (see `begin_anew`).
         """
-        nothing = np.ones(len(headings)), np.ones(len(x))
+        self._reading = reading
+        headings = belief.headings()
+        weights = self.tracker.weights()
+        foreseen = self._place(headings)
+        likelihood, self._jumped = self.tracker.observe(reading)
+        if self._jumped:
+            return None
+        by_bin = self.tracker.at(likelihood, headings) ** EXPONENT
+        multiply(belief, [], by_bin.astype(np.float32))
+        evidence = belief.normalize()
+        self._since_jump += 1
+        found = self._place(headings)
+        if foreseen is not None and found is not None:
+            weigh_place(belief, foreseen, found)
+            belief.normalize()
+        expected = float(weights @ likelihood)
+        return evidence, EXPONENT * math.log(max(expected, 1e-30))
+
+    def _place(self, headings: Floats) -> PlaceDensity | None:
+        """Give the place for each heading, some time after a jump, by the offset known before it."""
+        if self._before_jump is None or self._since_jump > _AFTER_JUMP:
+            return None
+        offset, variance = self._before_jump
+        mean = self.tracker.mean_at(headings)
+        if mean is None:
+            return None
+        return PlaceDensity(mean - np.array(offset), variance + self.tracker.variance)
+
+    def begin_anew(self, belief: PoseBelief) -> None:
+        """Weigh a belief that has been given up, and is uniform, by what is known all the same.
+
+        After a jump that is the place, by the offset, if it was known. Without a jump the belief was wrong,
+        hence the offset too, and it is the heading.
+
+        Parameters
+        ----------
+        belief : PoseBelief
+        """
         jumped = self._jumped or self.tracker.suspicion > _SUSPECT
         self._jumped = False
+        self._before_jump = None
         if not jumped:
             self.offset.forget()
             self.tracker.doubt()
-            return self.tracker.at(self.tracker.weights(), headings), nothing[1]
+            by_bin = self.tracker.at(self.tracker.weights(), belief.headings())
+            multiply(belief, [], (by_bin / by_bin.max()).astype(np.float32))
+            belief.normalize()
+            return
         self.tracker.forget()
         if self._reading is None:
-            return nothing
+            return
         self.tracker.observe(self._reading)
         if not self.offset.is_known:
-            return nothing
-        off_x = self._reading[0] - self.offset.value[0] - x
-        off_y = self._reading[1] - self.offset.value[1] - y
-        variance = self.offset.variance + self.tracker.reading_variance
-        near = np.exp(-0.5 * (off_x**2 + off_y**2) / variance)
-        total = float(near.sum())
-        if total < 1.0:  # outside the lab: the offset was learnt at a wrong pose
+            return
+        self._before_jump, self._since_jump = (self.offset.value, self.offset.variance), 0
+        place = self._place(belief.headings())
+        assert place is not None
+        if place.probability(belief) < 0.2:  # outside the lab: the offset was learnt at a wrong pose
             self.offset.forget()
-            return nothing
-        return nothing[0], (1.0 - _DOUBT) * near / total + _DOUBT / len(x)
+            self._before_jump = None
+            return
+        weigh_place(belief, None, place)
+        belief.normalize()

@@ -28,7 +28,6 @@ from agent.pose_filter.evidence import (
     GroundSensor,
     compass_log_likelihood,
     weigh_collision,
-    weigh_separately,
 )
 from agent.pose_filter.gps import GpsSense
 from agent.pose_filter.product import Factor, multiply
@@ -46,8 +45,6 @@ Floats = NDArray[np.float64]
 Command = tuple[float, float]
 
 _DEGREE = math.pi / 180.0
-GPS_EXPONENT = 0.8
-"""Power to which the likelihood of a heading by the GPS is raised."""
 _EXCLUDED = 50.0  # evidence beyond any doubt
 _LONG_REST = 20  # messages after which a robot at rest is told nothing new
 
@@ -291,12 +288,11 @@ class PoseFilter:
         return self._ticks[latency] if latency < len(self._ticks) else None
 
     def _take_gps(self, gps: GpsSense, reading: tuple[float, float], time: int) -> None:
-        likelihood, expected, jumped = gps.observe(reading, self.belief.headings())
-        if jumped:
+        told = gps.weigh(self.belief, reading)
+        if told is None:
             self.restart(time)
-            return
-        multiply(self.belief, [], (likelihood**GPS_EXPONENT).astype(np.float32))
-        self._judge(self.belief.normalize(), GPS_EXPONENT * math.log(max(expected, 1e-30)), time)
+        else:
+            self._judge(*told, time)
 
     def _judge(self, evidence: float, elsewhere: float, time: int) -> bool:
         """Compare the evidence for the belief with that for a pose anywhere; say whether it may stay."""
@@ -403,8 +399,7 @@ class PoseFilter:
         self.alarm_level = 0.0
         self.belief.set_uniform()
         if self.gps is not None:
-            lattice = self.belief.lattice
-            weigh_separately(self.belief, *self.gps.begin_anew(self.belief.headings(), lattice.x, lattice.y))
+            self.gps.begin_anew(self.belief)
 
 
 def _filtered(command: Command, wheels: Command) -> Command:

@@ -8,7 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose_filter.gps import GpsOffset, GpsTracker
+from agent.pose_filter.belief import PoseBelief
+from agent.pose_filter.gps import GpsOffset, GpsSense, GpsTracker
+from agent.pose_filter.gpsplace import PlaceDensity, weigh_place
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.records import Motion
 from agent.pose_filter.staged import StagedFilter
@@ -173,6 +175,11 @@ def wander(lab, pose_filter, start, parameters, seed=1, angles=(0.0, 60.0, -60.0
         measures = simulation.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
 
 
+def far_from(simulation):
+    """Give a free place on the other side of the lab."""
+    return (7.0, 4.9) if simulation.poses()[0][0] < 3.5 else (1.0, 4.9)
+
+
 def place_error(pose_filter, simulation):
     found, pose = pose_filter.estimate(), simulation.poses()[0]
     return math.hypot(found.x - pose[0], found.y - pose[1])
@@ -187,15 +194,61 @@ def test_after_a_jump_the_offset_tells_the_place(small_lab, coarse_tables, fine_
     assert pose_filter.restarts == []
     expected = np.array(simulation.gps_offset)
     assert np.abs(np.array(pose_filter.gps.offset.value) - expected).max() < 0.3
-    simulation.place(1, 7.0, 4.9, math.radians(200.0))
-    for _ in range(3):
+    x, y = far_from(simulation)
+    simulation.place(1, x, y, math.radians(200.0))
+    for _ in range(4):
         simulation = next(run)
         if pose_filter.restarts:
             break
     assert len(pose_filter.restarts) == 1
     lattice = pose_filter.tables.lattice
-    near = np.hypot(lattice.x - 7.0, lattice.y - 4.9) < 2.0
-    assert pose_filter.belief.square_weights()[near].sum() > 0.9
+    assert pose_filter.belief.square_weights()[np.hypot(lattice.x - x, lattice.y - y) < 2.0].sum() > 0.9
+    for _ in range(25):
+        simulation = next(run)
+    assert pose_filter.estimate().certain
+    assert place_error(pose_filter, simulation) < 0.5
+
+
+def test_the_place_after_a_jump_is_that_of_a_mean_of_the_readings(small_lab, coarse_tables):
+    # A robot that stands, whose other sensors say nothing: what is left is the mean, with its deviation.
+    belief, rng = PoseBelief(coarse_tables.lattice), np.random.default_rng(4)
+    sense = GpsSense(0.5, 5.0)
+    for _ in range(2000):
+        reading = rng.normal(0.0, 0.5, 2)
+        sense.offset.learn((reading[0] + 101.0, reading[1] + 53.0), 1.0, 3.0)
+        sense.weigh(belief, (reading[0] + 101.0, reading[1] + 53.0))
+    readings = rng.normal((105.5, 51.0), 0.5, (40, 2))
+    assert sense.weigh(belief, tuple(readings[0])) is None
+    belief.set_uniform()
+    sense.begin_anew(belief)
+    for reading in readings[1:]:
+        sense.weigh(belief, tuple(reading))
+    expected = readings.mean(axis=0) - sense.offset.value
+    weights, lattice = belief.square_weights(), belief.lattice
+    near = np.hypot(lattice.x - expected[0], lattice.y - expected[1]) < 1.0
+    weights = np.where(near, weights, 0.0)
+    assert weights.sum() > 0.97
+    weights /= weights.sum()
+    assert weights @ lattice.x == pytest.approx(expected[0], abs=0.05)
+    assert weights @ lattice.y == pytest.approx(expected[1], abs=0.05)
+    deviation = math.sqrt(0.25 / 40 + sense.offset.variance)
+    assert math.sqrt(weights @ (lattice.x - expected[0]) ** 2) == pytest.approx(deviation, rel=0.15)
+
+
+def test_lists_and_arrays_of_states_get_the_same_place(coarse_tables):
+    rng = np.random.default_rng(6)
+    dense = PoseBelief(coarse_tables.lattice)
+    dense.offset[:] = rng.uniform(-0.1, 0.1, dense.offset.shape)
+    mean = rng.uniform(2.0, 5.0, (72, 2))
+    before, after = PlaceDensity(mean, 0.4), PlaceDensity(mean + 0.1, 0.3)
+    sparse = PoseBelief(coarse_tables.lattice)
+    sparse.set_states(*np.nonzero(dense.dense[:, :-1]))
+    sparse.offset[:] = dense.offset
+    for belief in (dense, sparse):
+        weigh_place(belief, None, before)
+        weigh_place(belief, before, after)
+        belief.normalize()
+    assert sparse.weight == pytest.approx(dense.dense[:, :-1].ravel(), rel=1e-3, abs=1e-9)
 
 
 def test_a_wrong_offset_only_delays(small_lab, coarse_tables, fine_tables):
@@ -205,7 +258,7 @@ def test_a_wrong_offset_only_delays(small_lab, coarse_tables, fine_tables):
         simulation = next(run)
     x, y = pose_filter.gps.offset.value
     pose_filter.gps.offset.value = (x + 3.0, y)
-    simulation.place(1, 7.0, 1.0, math.radians(200.0))
+    simulation.place(1, *far_from(simulation), math.radians(200.0))
     for _ in range(200):
         simulation = next(run)
     assert len(pose_filter.restarts) >= 1
