@@ -40,9 +40,16 @@ _CLIP = 5.0
 _STOP = 5.0
 """Cycles added to every way, so that none is chosen for its shortness only."""
 _LONGEST = 70.0
-_PLACE = 0.12
-"""Units by which the place of a hypothesis may be out: no difference that this explains tells anything."""
-
+_PLACE, _TURN = 0.12, 0.07
+"""Units and radians by which the pose of a hypothesis may be out."""
+_ERRORS = (
+    (_PLACE, 0.0, 0.0),
+    (-_PLACE, 0.0, 0.0),
+    (0.0, _PLACE, 0.0),
+    (0.0, -_PLACE, 0.0),
+    (0.0, 0.0, _TURN),
+    (0.0, 0.0, -_TURN),
+)
 
 FIRST_TURNS: Floats = np.arange(_DIRECTIONS, dtype=np.float64) * (2.0 * math.pi / _DIRECTIONS)
 """Turns in radians with which a way may begin."""
@@ -73,6 +80,9 @@ class Way:
 class Foretelling:
     """What a robot would sense under each hypothesis.
 
+    A hypothesis is a little out of place, and an edge that is just in view is not in view a little aside. So
+    what is foretold is a range for each sensor: all that is expected within the error of the pose.
+
     Parameters
     ----------
     tables : PoseTables
@@ -82,15 +92,10 @@ class Foretelling:
 
     def __init__(self, tables: PoseTables, noise: float) -> None:
         self._tables = tables
-        reading = 1.0 / code_distances()
-        # Transformed so that equal differences tell equally much: the reading 1/d differs by noise, and by
-        # the reading squared times what the hypothesis is out of place.
-        density = 1.0 / np.hypot(noise, _PLACE * reading**2)
-        steps = np.diff(reading) * (density[1:] + density[:-1]) / 2.0
-        self._scaled = np.concatenate([[0.0], np.cumsum(steps)])
+        self._readings = 1.0 / code_distances() / noise
 
-    def __call__(self, x: Floats, y: Floats, heading: Floats) -> Floats:
-        """Give the expected readings at some poses, in standard deviations.
+    def __call__(self, x: Floats, y: Floats, heading: Floats) -> tuple[Floats, Floats]:
+        """Give the range of the expected readings at some poses, in standard deviations.
 
         Parameters
         ----------
@@ -99,9 +104,19 @@ class Foretelling:
 
         Returns
         -------
-        array, shape (..., sensors)
+        low, high : array, shape (..., sensors)
             0 where no robot can be.
         """
+        middle, inside = self._at(x, y, heading)
+        low = high = np.where(inside[..., np.newaxis], middle, 0.0)
+        for dx, dy, turn in _ERRORS:
+            other, free = self._at(x + dx, y + dy, heading + turn)
+            both = (inside & free)[..., np.newaxis]
+            low = np.where(both, np.minimum(low, other), low)
+            high = np.where(both, np.maximum(high, other), high)
+        return low, high
+
+    def _at(self, x: Floats, y: Floats, heading: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         tables, lattice = self._tables, self._tables.lattice
         column = np.clip(np.round((x - lattice.origin[0]) / lattice.resolution), 0, lattice.nx - 1)
         row = np.clip(np.round((y - lattice.origin[1]) / lattice.resolution), 0, lattice.ny - 1)
@@ -111,10 +126,9 @@ class Foretelling:
         around = tables.codes[0].shape[0] // 2
         direction = np.round(heading / (2.0 * math.pi) * around).astype(np.int64) % around
         parts = [
-            np.where(inside, self._scaled[tables.codes[table][direction + ahead, square]], 0.0)
-            for table, ahead in tables.sensors
+            self._readings[tables.codes[table][direction + ahead, square]] for table, ahead in tables.sensors
         ]
-        return np.stack(parts, axis=-1)
+        return np.stack(parts, axis=-1), inside
 
 
 def plan(
@@ -183,7 +197,6 @@ def _free(tables: PoseTables, poses: Floats) -> NDArray[np.bool_]:
     here = room[:, _RADIUS, _RADIUS][:, np.newaxis, np.newaxis]
     near = np.hypot(ahead, left) < _WAY_OUT
     free: NDArray[np.bool_] = np.all((room >= _ROOM) | (near & (room >= here) & (room > 0.0)), axis=0)
-    free[_RADIUS, _RADIUS] = True
     return free
 
 
@@ -200,8 +213,8 @@ def _quickest(free: NDArray[np.bool_], barred: NDArray[np.bool_]) -> tuple[Float
     times = np.full((_DIRECTIONS, _SIDE, _SIDE), np.inf)
     parents = np.full((_DIRECTIONS, _SIDE, _SIDE), -1, np.int64)
     numbers = np.arange(_NODES).reshape(_SIDE, _SIDE)
-    start = np.full(_DIRECTIONS, np.inf)
-    start[0] = 0.0
+    free = free.copy()
+    free[_RADIUS, _RADIUS] = False  # no way leads back
     for step in range(_RADIUS * 3):
         changed = False
         for direction, (dx, dy) in enumerate(_MOVES):
@@ -276,11 +289,12 @@ def _turning(foretell: Foretelling, poses: Floats) -> Floats:
     return np.array(turned)
 
 
-def _apart(foretold: Floats) -> Floats:
+def _apart(foretold: tuple[Floats, Floats]) -> Floats:
     """Evidence of a cycle between each pair; from (hypotheses, places, sensors) to (places, h, h)."""
-    there = foretold.transpose(1, 0, 2)
-    squared = ((there[:, :, np.newaxis] - there[:, np.newaxis]) ** 2).sum(axis=-1)
-    return np.asarray(_EXPONENT * np.minimum(0.5 * squared, _CLIP))
+    low, high = (part.transpose(1, 0, 2) for part in foretold)
+    gap = low[:, :, np.newaxis] - high[:, np.newaxis]
+    gap = np.maximum(np.maximum(gap, gap.transpose(0, 2, 1, 3)), 0.0)
+    return np.asarray(_EXPONENT * np.minimum(0.5 * (gap**2).sum(axis=-1), _CLIP))
 
 
 def _gain(weights: Floats, evidence: Floats) -> Floats:
