@@ -86,9 +86,9 @@ class LiveSession(Session):
 
     def run(self) -> int:
         """See `Session.run`."""
-        self._prepare()
         try:
             self._start_tables()
+            self._prepare()
             if self._live_settings.lockstep and not self._tables_are_there():
                 return self._interrupts.status
             return super().run()
@@ -105,7 +105,11 @@ class LiveSession(Session):
         import agent.live_controller
         import agent.pose_filter.live
         import agent.runlog  # noqa: F401
+        from agent.pose_filter import compiled
 
+        if compiled.at_hand():
+            assert self._tables is not None
+            self._tables.wait_for_loops()
         # What is here now stays: no need to look through it again and again for what can go.
         gc.collect()
         gc.freeze()

@@ -1,7 +1,8 @@
 """Whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
 
 Nothing is loaded by itself: importing numba takes half a second, and what it has to compile the first time
-many. `load` is called where that delays nobody: in the thread that gets the tables, or before an evaluation.
+many. `load` is called where that delays nobody: before a robot registers if the machine code is `at_hand`,
+else in a thread after another process has compiled; and before an evaluation.
 ``CIBERRATO_COMPILED`` is ``auto`` (the default: if numba is there), ``on`` or ``off``.
 """
 
@@ -9,12 +10,15 @@ from __future__ import annotations
 
 import importlib.util
 import os
+from pathlib import Path
 from types import ModuleType
 
 from ciberrato.errors import UsageError
 
 CHOICES = ("auto", "on", "off")
 VARIABLE = "CIBERRATO_COMPILED"
+LOOPS = 8
+"""Number of compiled functions."""
 
 _active: ModuleType | None = None
 
@@ -42,6 +46,16 @@ def choice() -> str:
 def available() -> bool:
     """Whether numba is installed."""
     return importlib.util.find_spec("numba") is not None
+
+
+def at_hand() -> bool:
+    """Whether `load` would take half a second at the most, as all is in numba's cache beside the source."""
+    if choice() == "off" or not available():
+        return False
+    source = Path(__file__).with_name("kernels.py")
+    indexes = list((source.parent / "__pycache__").glob("kernels.*.nbi"))
+    newest = source.stat().st_mtime
+    return len(indexes) >= LOOPS and all(index.stat().st_mtime >= newest for index in indexes)
 
 
 def kernels() -> ModuleType | None:

@@ -139,16 +139,19 @@ class TableWorker:
             if compiled.choice() == "off" or not compiled.available():
                 return
             if compiled.kernels() is None:
-                command = [sys.executable, "-m", "agent.pose_filter.warming"]
-                self._warming = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
-                if self._stopped:
-                    self._warming.terminate()
-                if self._warming.wait() != 0 or self._stopped:
+                if not compiled.at_hand() and not self._compile_loops():
                     return
                 _load_gently()
             self.seconds["loops"] = time.monotonic() - self._began
         finally:
             self._looped.set()
+
+    def _compile_loops(self) -> bool:
+        command = [sys.executable, "-m", "agent.pose_filter.warming"]
+        self._warming = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+        if self._stopped:
+            self._warming.terminate()
+        return self._warming.wait() == 0 and not self._stopped
 
     def _get(self, which: str, resolution: float) -> PoseTables:
         from agent.pose_filter.belief import REACH

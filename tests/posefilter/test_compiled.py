@@ -112,9 +112,9 @@ def test_a_whole_run_comes_out_the_same(loops, small_lab, coarse_tables, fine_ta
     assert one[-1].certain
     assert_same_belief(first.belief, second.belief)
     functions = [value for value in vars(loops).values() if hasattr(value, "signatures")]
-    assert len(functions) == 8
+    assert len(functions) == compiled.LOOPS
     # What `warming` has compiled is all that a run needs: the loop never waits for a compiler.
-    assert [len(function.signatures) for function in functions] == 8 * [1]
+    assert [len(function.signatures) for function in functions] == compiled.LOOPS * [1]
 
 
 def test_states_that_look_alike_keep_equal_weights(loops):
@@ -160,6 +160,16 @@ def test_the_environment_decides(monkeypatch):
         compiled.load()
     monkeypatch.setenv(compiled.VARIABLE, "auto")
     assert not compiled.load()
+
+
+def test_machine_code_is_at_hand_once_it_is_in_the_cache(loops, monkeypatch, tmp_path):
+    assert compiled.at_hand()
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+    (tmp_path / "kernels.py").write_text("")
+    assert not compiled.at_hand()  # another source, and nothing made of it
+    monkeypatch.undo()
+    monkeypatch.setenv(compiled.VARIABLE, "off")
+    assert not compiled.at_hand()
 
 
 def test_without_being_asked_nothing_is_imported():
