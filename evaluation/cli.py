@@ -43,7 +43,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         is kept).
     """
     try:
-        return _run(_parser().parse_args(arguments))
+        status = _run(_parser().parse_args(arguments))
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:
+        # Whoever read our output has seen enough; what is still buffered must not complain at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
@@ -113,13 +119,17 @@ def _show(options: argparse.Namespace, results: list[Result]) -> None:
 
 def _replay(options: argparse.Namespace) -> int:
     from ciberrato.labfile import read_lab
-    from evaluation.replay import replay
+    from evaluation.replay import draw_replay, replay, replay_table
     from maps import find_lab
 
     lab = read_lab(find_lab((options.lab or ["standard"])[0]))
-    for folder in options.replay:
-        for line in replay(folder, lab):
-            print(line)
+    for number, folder in enumerate(options.replay):
+        found = replay(folder, lab)
+        print("\n" * (number > 0) + replay_table(found))
+        if options.figures is not None:
+            path = options.figures / f"{found.name}.png"
+            draw_replay(found, lab, path)
+            print(path)
     return 0
 
 
