@@ -65,7 +65,6 @@ class PoseBelief:
         """Weight of the states given up so far, before each normalization."""
         self._moves = lattice.move_table(REACH)
         self._spare: Weights | None = None
-        self._sums: Floats | None = None
         self.dense: Weights | None = None
         self.bin: Indices = np.zeros(0, np.int64)
         self.square: Indices = np.zeros(0, np.int64)
@@ -331,14 +330,13 @@ class PoseBelief:
         size = self.lattice.size
         kernels = compiled.kernels()
         if kernels is not None:
-            if self._sums is None:
-                self._sums = np.zeros(self.bins * size)
+            room = self.lattice.scratch(self.bins)
             keys = np.empty(sum(len(weights) for _, _, weights in parts), np.int64)
             count = 0
             for bins, squares, weights in parts:
-                count = kernels.add_up(self._sums, keys, count, bins, squares, weights, size)
+                count = kernels.add_up(room, keys, count, bins, squares, weights, size)
             met = np.sort(keys[:count])
-            self.bin, self.square, self.weight = kernels.take_out(self._sums, met, size)
+            self.bin, self.square, self.weight = kernels.take_out(room, met, size)
             return
         bins, squares, weights = (np.concatenate(column) for column in zip(*parts, strict=True))
         inside = np.flatnonzero((squares < size) & (weights > 0.0))

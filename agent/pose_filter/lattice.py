@@ -67,6 +67,7 @@ class Lattice:
     _shifts: dict[tuple[int, int], Indices] = field(default_factory=dict)
     _padded: list[Floats] = field(default_factory=list)
     _moves: dict[int, Indices] = field(default_factory=dict)
+    _scratch: dict[int, Floats] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -79,6 +80,26 @@ class Lattice:
         if not self._padded:
             self._padded.append(np.append(self.clearance, 0.0))
         return self._padded[0]
+
+    def scratch(self, bins: int) -> Floats:
+        """Give room for a number a state, which whoever uses it leaves filled with zeros.
+
+        One for all beliefs on the lattice: fresh memory has to be got from the system page by page, which
+        takes longer than what it is needed for.
+
+        Parameters
+        ----------
+        bins : int
+
+        Returns
+        -------
+        array, shape (bins * squares,)
+        """
+        known = self._scratch.get(bins)
+        if known is None:
+            known = self._scratch[bins] = np.empty(bins * self.size)
+            known.fill(0.0)
+        return known
 
     def move_table(self, reach: int) -> Indices:
         """Give `neighbours` for all shifts within a reach, row by row from the lower left.

@@ -154,8 +154,10 @@ class TableWorker:
         return self._warming.wait() == 0 and not self._stopped
 
     def _get(self, which: str, resolution: float) -> PoseTables:
+        from agent.pose_filter import compiled
         from agent.pose_filter.belief import REACH
         from agent.pose_filter.cache import read_tables, table_path
+        from agent.pose_filter.tables import BINS
 
         path = table_path(self._lab, self._angles, resolution, 2, self._folder)
         tables = read_tables(path)
@@ -169,6 +171,8 @@ class TableWorker:
             raise RuntimeError(f"the {which} tables could not be computed")
         tables.complete(self._lab)
         tables.lattice.move_table(REACH)
+        if compiled.choice() != "off" and compiled.available():
+            tables.lattice.scratch(BINS)
         return tables
 
     def _compute(self, which: str, resolution: float, path: Path) -> None:
