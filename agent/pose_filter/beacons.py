@@ -80,15 +80,20 @@ def visible(lab: Lab, beacon: Beacon, x: Floats, y: Floats) -> NDArray[np.bool_]
 def _first_walls(lab: Lab, beacon: Beacon) -> Floats:
     """Distance from a beacon to the first wall that hides it, in each of `_RAYS` directions."""
     walls = hiding_walls(lab, beacon.height)
-    angle = np.arange(_RAYS) * (2.0 * math.pi / _RAYS)
-    ray = np.stack([np.cos(angle), np.sin(angle)])[:, :, np.newaxis]
+    width = 2.0 * math.pi / _RAYS
     to_x, to_y = walls.start[:, 0] - beacon.x, walls.start[:, 1] - beacon.y
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = ray[0] * walls.edge[:, 1] - ray[1] * walls.edge[:, 0]
-        along = (to_x * walls.edge[:, 1] - to_y * walls.edge[:, 0]) / slope
-        part = (to_x * ray[1] - to_y * ray[0]) / slope
-        hit = (along > _NEAR) & (part >= 0.0) & (part <= 1.0)
-    return np.asarray(np.where(hit, along, np.inf).min(axis=1, initial=np.inf))
+    from_angle = np.arctan2(to_y, to_x)
+    span = _wrap(np.arctan2(walls.end[:, 1] - beacon.y, walls.end[:, 0] - beacon.x) - from_angle)
+    low = np.ceil(np.minimum(from_angle, from_angle + span) / width).astype(np.int64)
+    high = np.floor(np.maximum(from_angle, from_angle + span) / width).astype(np.int64)
+    across = to_x * walls.edge[:, 1] - to_y * walls.edge[:, 0]
+    first = np.full(_RAYS, np.inf)
+    for face in np.flatnonzero((high >= low) & (np.abs(across) > _NEAR * walls.length)):
+        rays = np.arange(low[face], high[face] + 1)
+        slope = np.cos(rays * width) * walls.edge[face, 1] - np.sin(rays * width) * walls.edge[face, 0]
+        rays %= _RAYS
+        first[rays] = np.minimum(first[rays], across[face] / slope)
+    return first
 
 
 @functools.lru_cache(maxsize=32)
