@@ -2,17 +2,24 @@
 # The types are those of numba, which infers them.
 """The pose filter's loops over all states, in machine code made by numba.
 
-The same operations, of the same precision, in the same order as in `agent.pose_filter.belief` and
-`agent.pose_filter.product`: whoever has numba gets the same numbers to the last bit, only sooner. Nothing
-here may allow the compiler to reorder (``fastmath``): states that look alike would come out different.
+The same operations, of the same precision, in the same order as in `agent.pose_filter.belief`,
+`agent.pose_filter.product` and `ciberrato.singlecone`: whoever has numba gets the same numbers to the last
+bit, only sooner. Nothing here may allow the compiler to reorder (``fastmath``): states that look alike would
+come out different.
 
 Imported by `agent.pose_filter.compiled` only.
 """
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
+
+from ciberrato.singlecone import BEYOND, COS, TAN
+from ciberrato.viewcone import IN_LINE
+from ciberrato.viewlists import LONGEST
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
@@ -120,3 +127,56 @@ def take_out(sums, keys, size):
         weights[number] = sums[key]
         sums[key] = 0.0
     return bins, squares, weights
+
+
+@_jit
+def cone_distances(faces, seen, rows, sectors, x, y, cosine, sine):
+    """Distances that sensors take, as `ciberrato.manycones`; nan where the lists of faces do not decide."""
+    result = np.empty(x.shape[0])
+    for sensor in range(x.shape[0]):
+        row, sector = rows[sensor], sectors[sensor]
+        nearest = math.nan
+        if row >= 0:
+            nearest = math.inf
+            for index in range(LONGEST):
+                bound = seen[row, sector, index, 0]
+                if bound >= nearest or bound == math.inf:
+                    break
+                face = int(seen[row, sector, index, 1])
+                ex, ey = faces[face, 2], faces[face, 3]
+                dx, dy = faces[face, 0] - x[sensor], faces[face, 1] - y[sensor]
+                area = dx * ey - dy * ex
+                limit = nearest * BEYOND * faces[face, 4]
+                if not -limit < area < limit:
+                    continue
+                across, ahead = cosine[sensor], sine[sensor]
+                v, ve = dy * across - dx * ahead, ey * across - ex * ahead
+                u_tan, ue_tan = (dx * across + dy * ahead) * TAN, (ex * across + ey * ahead) * TAN
+                lo, lo_slope = v - u_tan, ve - ue_tan
+                hi, hi_slope = v + u_tan, ve + ue_tan
+                lo_end, hi_end = lo + lo_slope, hi + hi_slope
+                if -IN_LINE < area < IN_LINE:
+                    if dx * dx + dy * dy + dx * ex + dy * ey <= IN_LINE:
+                        nearest = math.nan
+                        break
+                    area = math.inf
+                elif (lo > 0.0 and lo_end > 0.0) or (hi <= 0.0 and hi_end <= 0.0):
+                    continue
+                if lo <= 0.0 < hi:
+                    nearest = min(nearest, math.sqrt(dx * dx + dy * dy))
+                if (v > 0.0) != (v + ve > 0.0):
+                    distance = area / ve
+                    if 0.0 <= distance < nearest:
+                        nearest = distance
+                if (lo > 0.0) != (lo_end > 0.0):
+                    distance = area / (lo_slope * COS)
+                    if 0.0 <= distance < nearest:
+                        nearest = distance
+                if (hi > 0.0) != (hi_end > 0.0):
+                    distance = area / (hi_slope * COS)
+                    if 0.0 <= distance < nearest:
+                        nearest = distance
+            if nearest > seen[row, sector, LONGEST, 0]:
+                nearest = math.nan  # the list ends before the nearest wall
+        result[sensor] = nearest
+    return result

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.pose_filter.belief import PoseBelief
+from agent.pose_filter.cones import cone_distances
 from agent.pose_filter.records import FilterStep, Motion
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET, reading_log_likelihood
 from ciberrato.labtables import tables_of, touching
-from ciberrato.manycones import many_cone_distances
 from ciberrato.parameters import Parameters
 
 Floats = NDArray[np.float64]
@@ -200,7 +200,7 @@ class ParticleCloud:
         x, y, heading = self._pose
         direction = np.remainder(heading[:, np.newaxis] + angles + math.pi, 2.0 * math.pi) - math.pi
         cosine, sine = np.cos(direction), np.sin(direction)
-        distance = many_cone_distances(
+        distance = cone_distances(
             self._tables,
             (x[:, np.newaxis] + SENSOR_OFFSET * cosine).ravel(),
             (y[:, np.newaxis] + SENSOR_OFFSET * sine).ravel(),

@@ -13,6 +13,8 @@ from types import ModuleType
 
 import numpy as np
 
+from ciberrato.viewlists import LONGEST, SECTORS
+
 
 def call_all(kernels: ModuleType) -> None:
     """Compile all loops of `agent.pose_filter.kernels`, or read them from numba's cache.
@@ -36,6 +38,9 @@ def call_all(kernels: ModuleType) -> None:
     sums, keys = np.zeros(bins * size), np.zeros(8, np.int64)
     count = kernels.add_up(sums, keys, 0, some, some, weight, size)
     kernels.take_out(sums, keys[:count], size)
+    faces, place = np.ones((1, 9)), np.zeros(1)
+    seen = np.full((1, SECTORS, LONGEST + 1, 2), np.inf, np.float32)
+    kernels.cone_distances(faces, seen, some[:1], some[:1], place, place, place, place)
 
 
 if __name__ == "__main__":

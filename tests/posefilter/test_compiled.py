@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -11,13 +12,18 @@ import pytest
 
 from agent.pose_filter import compiled
 from agent.pose_filter.belief import PoseBelief
+from agent.pose_filter.cones import cone_distances
 from agent.pose_filter.product import multiply
 from agent.pose_filter.staged import StagedFilter
 from ciberrato.errors import UsageError
+from ciberrato.geometry import WallMap
 from ciberrato.lab import Lab, Wall
+from ciberrato.labfile import read_lab
+from ciberrato.labtables import LabTables
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.startgrid import GridPosition, StartGrid
+from maps import find_lab
 from simulator_stub.simulation import Simulation
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
@@ -85,6 +91,20 @@ def test_every_operation_gives_the_same_numbers(loops, coarse_tables, sparse):
 
     one, other = with_and_without(loops, work)
     assert_same_belief(one, other)
+
+
+@pytest.mark.parametrize("name", ["diagonals", "maze"])
+def test_distances_are_the_same(loops, name):
+    walls = WallMap.from_lab(read_lab(find_lab(name)))
+    generator = np.random.default_rng(2)
+    x, y = generator.uniform(-1.0, walls.width + 1.0, 4000), generator.uniform(-3.0, walls.height + 3.0, 4000)
+    x[:200] = np.round(x[:200])  # on faces, some of them
+    direction = generator.uniform(-math.pi, math.pi, 4000)
+    direction[:400] = np.round(direction[:400] / (math.pi / 2.0)) * (math.pi / 2.0)
+    axes = (direction, np.cos(direction), np.sin(direction))
+    one, other = with_and_without(loops, lambda: cone_distances(LabTables(walls), x, y, *axes))
+    assert np.array_equal(one, other)
+    assert np.isfinite(one).sum() > 2000
 
 
 def drive(lab, coarse, fine, start, cycles):
