@@ -14,6 +14,7 @@ from agent.pose_filter.gpsplace import PlaceDensity, weigh_place
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.records import Motion
 from agent.pose_filter.staged import StagedFilter
+from agent.pose_filter.symmetry import Turn
 from ciberrato.kinematics import filter_power
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
@@ -278,6 +279,20 @@ def test_a_belief_with_the_wrong_heading_is_given_up(small_lab, coarse_tables):
             gps = (500.0 + 0.1 * cycle + noise[0], 20.0 + noise[1])
             pose_filter.observe(Measures(time=cycle, gps=gps, collision=False), command)
         assert len(pose_filter.restarts) == expected
+
+
+def test_the_heading_by_gps_tells_the_images_of_a_symmetric_lab_apart(small_lab, coarse_tables):
+    symmetric = dataclasses.replace(coarse_tables, _turns=[[Turn(4.0, 3.0, math.pi)]])
+    shares = []
+    for bins in ([0, 36], [0], [36]):
+        pose_filter = PoseFilter(small_lab, symmetric, HARSH)
+        lone = np.array([0])
+        pose_filter.belief.set_states(lone, lone)
+        tracker = pose_filter.gps.tracker
+        tracker.weights()[:] = 0.0
+        tracker.weights()[[2 * row for row in bins]] = 1.0 / len(bins)
+        shares.append(pose_filter.estimate().probability)
+    assert shares == [pytest.approx(0.5), pytest.approx(1.0, abs=1e-6), pytest.approx(0.0, abs=1e-6)]
 
 
 def test_without_a_gps_nothing_is_made_of_its_readings(small_lab, coarse_tables):
