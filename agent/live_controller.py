@@ -7,6 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from agent.controller import Controller
+from agent.live_belief import BeliefLog
 from agent.runrecords import Cycle, RunHeader
 from agent.tracker import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
@@ -61,6 +62,7 @@ class LiveController(Controller):
         self._cell: tuple[int, int] | None = None
         self._crossings = 0
         self._entropy: float | None = None
+        self._belief_log = BeliefLog(live, live.lab.rows, live.lab.columns)
 
     def observe(
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
@@ -117,7 +119,8 @@ class LiveController(Controller):
         cycle = self._with_step(cycle, measures, entered=entered)
         heading = round(math.degrees(found.heading), 3)
         pose = (round(found.x, 4), round(found.y, 4), heading, round(found.probability, 4))
-        return dataclasses.replace(cycle, estimate=pose, entropy=self._entropy)
+        cells, modes = self._belief_log.entries(measures.time)
+        return dataclasses.replace(cycle, estimate=pose, entropy=self._entropy, cells=cells, modes=modes)
 
     def _with_step(self, cycle: Cycle, measures: Measures, *, entered: bool) -> Cycle:
         if self._drive is None:

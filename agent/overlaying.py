@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agent.localization import ground_truth_of, localize_run
 from agent.logfollower import follow
-from agent.runrecords import RecordedRun
+from agent.runrecords import Cycle, RecordedRun
 from agent.summary import peak
 from agent.track import estimated_track
 from ciberrato.lab import CELL_SIZE
@@ -59,6 +59,7 @@ def show_overlays(
     """
     truth: GroundTruth | None = None
     beliefs: Array | None = None
+    shown = 0
     for follower in follow(path, interval=INTERVAL, ended=ended, idle_limit=idle_limit):
         run = follower.run
         if run is None or not run.cycles:
@@ -69,6 +70,10 @@ def show_overlays(
         if not live and run.steps and (beliefs is None or len(beliefs) != len(run.steps) + 1):
             beliefs = localize_run(run, truth).beliefs
             client.send(belief_overlay(run, beliefs))
+        news = [cycle for cycle in run.cycles[shown:] if cycle.cells]
+        shown = len(run.cycles)
+        if news:
+            client.send(live_belief_overlay(run, news[-1], lab))
         client.send(pose_overlay(run, beliefs))
 
 
@@ -96,6 +101,32 @@ def belief_overlay(run: RecordedRun, beliefs: Array) -> OverlayMessage:
     )
 
 
+def live_belief_overlay(run: RecordedRun, cycle: Cycle, lab: Lab) -> OverlayMessage:
+    """Say which cells the live pose filter took for possible in a cycle.
+
+    Parameters
+    ----------
+    run : RecordedRun
+    cycle : Cycle
+        With `cells`.
+    lab : Lab
+
+    Returns
+    -------
+    OverlayMessage
+    """
+    cells = np.zeros((lab.rows, lab.columns))
+    for row, column, probability in cycle.cells or ():
+        cells[row, column] = probability
+    return OverlayMessage(
+        source=run.header.robot_name or "agent",
+        robot=run.header.robot_position or None,
+        time=cycle.time,
+        angles=run.header.sensor_angles,
+        belief=GridBelief(cells=cells, extent=(0.0, 0.0, lab.columns * CELL_SIZE, lab.rows * CELL_SIZE)),
+    )
+
+
 def pose_overlay(run: RecordedRun, beliefs: Array | None) -> OverlayMessage:
     """Say where the agent takes itself to be after the last cycle of a run.
 
@@ -108,14 +139,19 @@ def pose_overlay(run: RecordedRun, beliefs: Array | None) -> OverlayMessage:
     Returns
     -------
     OverlayMessage
-        A ghost of the robot, if that is one place: the live pose filter's estimate, or the way driven from
-        where the last step's belief says that it began.
+        Ghosts of the robot: at the live pose filter's estimate, or, where several poses are possible, at each
+        of them; else, if that is one place, the way driven from where the last step's belief says that it
+        began.
     """
     header, last = run.header, run.cycles[-1]
     shapes: tuple[Shape, ...] = ()
     if last.estimate is not None:
-        x, y, heading, probability = last.estimate
-        shapes = (_ghost(x, y, heading, f"p {probability:.2f}"),)
+        # Modes are logged every few cycles: between, those of the last time stay until their time is up.
+        poses = last.modes or (last.estimate,)
+        shapes = tuple(
+            _ghost(x, y, heading, f"p {probability:.2f}", number)
+            for number, (x, y, heading, probability) in enumerate(poses)
+        )
     elif beliefs is not None and len(peak(beliefs[-1]).cells) == 1:
         track = estimated_track(run, beliefs)
         if track is not None:
@@ -129,5 +165,7 @@ def pose_overlay(run: RecordedRun, beliefs: Array | None) -> OverlayMessage:
     )
 
 
-def _ghost(x: float, y: float, heading: float, label: str) -> PoseMark:
-    return PoseMark(id="pose", x=x, y=y, direction=heading, label=label, ttl=_POSE_TTL)
+def _ghost(x: float, y: float, heading: float, label: str, number: int = 0) -> PoseMark:
+    return PoseMark(
+        id=f"pose {number + 1}" if number else "pose", x=x, y=y, direction=heading, label=label, ttl=_POSE_TTL
+    )

@@ -214,6 +214,13 @@ _CHECKS: dict[str, Callable[[Any], bool]] = {
     "tuple[float, float]": lambda value: _is_array(value, 2),
     "tuple[float, float, float]": lambda value: _is_array(value, 3),
     "tuple[float, float, float, float]": lambda value: _is_array(value, 4),
+    "tuple[tuple[int, int, float], ...]": lambda value: (
+        isinstance(value, list)
+        and all(_is_array(cell, 3) and all(isinstance(place, int) for place in cell[:2]) for cell in value)
+    ),
+    "tuple[tuple[float, float, float, float], ...]": lambda value: (
+        isinstance(value, list) and all(_is_array(mode, 4) for mode in value)
+    ),
 }
 
 
@@ -231,7 +238,7 @@ def _build(
         if not _CHECKS[wanted.removesuffix(" | None")](value):
             raise LabError(f"{name}: {wanted} was expected", source=source, line=number)
         if isinstance(value, list):
-            values[name] = tuple(value)
+            values[name] = tuple(tuple(item) if isinstance(item, list) else item for item in value)
     missing = [
         name
         for name, field in fields.items()

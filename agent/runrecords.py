@@ -104,6 +104,11 @@ class Cycle:
         Of the live pose filter: x, y in units, heading in degrees, and the probability of that pose.
     entropy : float or None
         Of the live filter's belief, in bits.
+    cells : tuple of (int, int, float), or None
+        Row (from the bottom), column and probability of the cells that the live filter takes for possible;
+        where that has changed since the last such entry, every few cycles at the most.
+    modes : tuple of (float, float, float, float), or None
+        x, y, degrees and probability of the poses that it may be, every few cycles while they are several.
     readings : tuple of four (float or None), or None
         The readings of that step. They are those in `infrared` unless the simulator sends sensors on request
         only; then each is the newest there is.
@@ -128,6 +133,8 @@ class Cycle:
     readings: Readings | None = None
     estimate: tuple[float, float, float, float] | None = None
     entropy: float | None = None
+    cells: tuple[tuple[int, int, float], ...] | None = None
+    modes: tuple[tuple[float, float, float, float], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

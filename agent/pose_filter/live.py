@@ -61,7 +61,7 @@ class LiveFilter:
         budget: float | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._lab = lab
+        self.lab = lab
         self._parameters = parameters
         self._worker = worker
         self._start = start
@@ -151,7 +151,7 @@ class LiveFilter:
             raise self._worker.error
         coarse, fine = self._worker.coarse, self._worker.fine
         if self.filter is None and coarse is not None:
-            self.filter = StagedFilter(self._lab, coarse, fine, self._parameters, start=self._start)
+            self.filter = StagedFilter(self.lab, coarse, fine, self._parameters, start=self._start)
         elif self.filter is not None and self.filter.fine_tables is None:
             self.filter.fine_tables = fine
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from agent.ground_truth import compute_ground_truth
 from agent.localizer import localize
-from agent.overlaying import belief_overlay, pose_overlay, show_overlays
+from agent.overlaying import belief_overlay, live_belief_overlay, pose_overlay, show_overlays
 from agent.runlog import RunWriter
 from agent.runrecords import Cycle, RecordedRun, RunHeader
 from ciberrato.labfile import read_lab
@@ -71,6 +71,23 @@ def test_the_live_estimate_is_shown_as_it_is_logged():
     live = Cycle(time=99, estimate=(3.5, 4.5, 90.0, 0.875))
     (mark,) = pose_overlay(RecordedRun(HEADER, (*run.cycles, live)), None).shapes
     assert (mark.x, mark.y, mark.direction, mark.label) == (3.5, 4.5, 90.0, "p 0.88")
+
+
+def test_a_live_belief_is_shown_with_all_that_it_may_be():
+    modes = ((3.5, 4.5, 90.0, 0.5), (3.5, 12.5, 90.0, 0.49))
+    cycle = Cycle(time=100, estimate=modes[0], cells=((2, 1, 0.5), (6, 1, 0.49)), modes=modes)
+    run = RecordedRun(HEADER, (cycle,))
+    message = live_belief_overlay(run, cycle, LAB)
+    assert message.belief.cells.shape == (7, 14)
+    assert (message.belief.cells[2, 1], message.belief.cells[6, 1]) == (0.5, 0.49)
+    assert np.count_nonzero(message.belief.cells) == 2
+    assert (message.time, message.robot) == (100, 2)
+    marks = pose_overlay(run, None).shapes
+    assert [(mark.x, mark.y, mark.direction, mark.label) for mark in marks] == [
+        (3.5, 4.5, 90.0, "p 0.50"),
+        (3.5, 12.5, 90.0, "p 0.49"),
+    ]
+    assert len({mark.id for mark in marks}) == 2
 
 
 def test_a_log_is_sent_as_datagrams(tmp_path):

@@ -13,7 +13,8 @@ import pytest
 
 from agent.live_controller import LiveController
 from agent.pose_filter.live import LiveFilter
-from agent.runlog import RunHeader, read_run
+from agent.runlog import RunHeader, RunWriter, read_run
+from ciberrato.lab import Lab, Wall
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.startgrid import GridPosition, StartGrid
@@ -77,7 +78,7 @@ def test_an_estimate_that_is_behind_is_carried_on_by_dead_reckoning(small_lab, c
     assert abs(math.remainder(found.heading - pose[2], 2 * math.pi)) < math.radians(8.0)
 
 
-def test_the_controller_logs_what_the_filter_knows(small_lab, coarse_tables, fine_tables):
+def test_the_controller_logs_what_the_filter_knows(small_lab, coarse_tables, fine_tables, tmp_path):
     from agent.drives import make_drive
 
     live = LiveFilter(small_lab, PARAMETERS, tables_from(coarse_tables, fine_tables), budget=1e6)
@@ -100,6 +101,49 @@ def test_the_controller_logs_what_the_filter_knows(small_lab, coarse_tables, fin
     assert abs(math.remainder(heading - math.degrees(pose[2]), 360.0)) < 8.0
     assert cycles[0].entropy > cycles[-1].entropy + 5.0
     assert {cycle.phase for cycle in cycles} == {"active"}
+    logged = [cycle for cycle in cycles if cycle.cells is not None]
+    assert logged[0].time == 0
+    assert 2 <= len(logged) <= len(cycles) / 5 + 1
+    assert all(0.97 < sum(share for _, _, share in cycle.cells) < 1.01 for cycle in logged)
+    assert max(logged[-1].cells, key=lambda cell: cell[2])[:2] == (pose[1] // 2, pose[0] // 2)
+    several = [cycle for cycle in cycles if cycle.modes is not None]
+    assert all(len(cycle.modes) > 1 for cycle in several)
+    writer = RunWriter(tmp_path / "run.jsonl", header)
+    with writer:
+        for cycle in cycles:
+            writer.write(cycle)
+    assert read_run(tmp_path / "run.jsonl").cycles == tuple(cycles)
+
+
+def test_rooms_that_look_alike_are_both_in_the_log():
+    from agent.pose_filter.tables import build_tables
+
+    def beam(y):
+        return Wall(height=4.0, corners=((0.0, y), (6.0, y), (6.0, y + 0.2), (0.0, y + 0.2)))
+
+    posts = tuple(
+        Wall(height=4.0, corners=((2.9, y), (3.1, y), (3.1, y + 2.0), (2.9, y + 2.0))) for y in (2.0, 6.0)
+    )
+    lab = Lab(width=6.0, height=12.0, walls=(beam(1.9), beam(5.9), beam(9.9), *posts))
+    live = LiveFilter(lab, PARAMETERS, tables_from(build_tables(lab, ANGLES, 2.0 / 9.0)), budget=1e6)
+    header = RunHeader(lab_name="alike", lab_sha256="", parameters=PARAMETERS, sensor_angles=ANGLES)
+    controller = LiveController(header, live, None)
+    world, robot, measures = simulation(lab, (1.2, 3.0, 70.0))
+    cycles = []
+    for cycle in range(80):
+        entry, _ = controller.observe(measures)
+        cycles.append(entry)
+        command = (-0.05, 0.05) if cycle % 40 < 25 else (0.06, 0.06)
+        measures = world.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
+    modes = [entry.modes for entry in cycles if entry.modes][-1]
+    # The lower and the upper room are equal, a way of 4 units apart.
+    lower = sorted(mode for mode in modes if 2.0 < mode[1] < 6.0)
+    upper = sorted((x, round(y - 4.0, 2), turn, share) for x, y, turn, share in modes if 6.0 < y < 10.0)
+    assert lower == upper
+    assert len(lower) >= 1
+    cells = {(row, column): share for row, column, share in [e.cells for e in cycles if e.cells][-1]}
+    for column in range(3):
+        assert cells.get((1, column), 0.0) == cells.get((3, column), 0.0)
 
 
 @pytest.mark.slow
