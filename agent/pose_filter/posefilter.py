@@ -105,6 +105,7 @@ class PoseFilter:
         self._next_axis = 2
         self._since_diffusion = 0
         self._rested = 0
+        self._on_node = False
         self._estimate: PoseEstimate | None = None
         self._beacons: BeaconSense | None = None
         if parameters.beacon_sensor and lab.beacons:
@@ -139,6 +140,9 @@ class PoseFilter:
             place=self.settings.place_spread * resolution,
             turn=self.settings.turn_spread * self.belief.bin_width,
             outlier=self.settings.outlier,
+        )
+        self._exact_codes = ReadingCodes(
+            noise=self.parameters.obstacle_noise, place=0.0, turn=0.0, outlier=self.settings.outlier
         )
         self._ground = GroundSensor(self.lab, self.belief)
 
@@ -265,12 +269,15 @@ class PoseFilter:
                 motions.append(Motion(left, right, collision))
         moved = sum(abs(motion.left + motion.right) / 2.0 for motion in motions)
         turned = sum(abs(motion.right - motion.left) for motion in motions)
+        # Of a robot known to stand on a node the first reading is the node's, and repeats no error.
+        self._on_node = self.last_step is None and self._start.on_nodes and not motions
+        exponent = self._exponent(moved, turned)
         self.last_step = FilterStep(
             motions=tuple(motions),
             infrared=self._ticks[parameters.obstacle_latency].infrared,
             compass=self._ticks[parameters.compass_latency].compass,
             ground=floor.ground if floor is not None and (moved > 0.0 or self._messages < 3) else None,
-            exponent=self._exponent(moved, turned),
+            exponent=1.0 if self._on_node else exponent,
             time=time,
             beacons=self._ticks[parameters.beacon_latency].beacons if self._beacons is not None else (),
         )
@@ -281,6 +288,7 @@ class PoseFilter:
         if self.gps is not None and oldest.gps is not None:
             self._take_gps(self.gps, oldest.gps, time)
         self.update(self.last_step)
+        self._on_node = False
         self._follow(self.last_step)
 
     def _late(self, latency: int) -> _Tick | None:
@@ -368,12 +376,13 @@ class PoseFilter:
 
     def _take_readings(self, step: FilterStep) -> None:
         belief, exponent = self.belief, step.exponent
+        codes = self._exact_codes if self._on_node else self._codes
         elsewhere = 0.0
         factors: list[Factor] = []
         for sensor, reading in enumerate(step.infrared[: len(self.tables.sensors)]):
             if reading is None:
                 continue
-            table = np.exp(exponent * self._codes.log_likelihood(reading))
+            table = np.exp(exponent * codes.log_likelihood(reading))
             shares = self.tables.code_shares[self.tables.sensors[sensor][0]]
             elsewhere += math.log(float(shares @ table))
             factors.append((self.tables.view(sensor, belief.heading_offset), table.astype(np.float32)))
