@@ -56,7 +56,7 @@ class ExploreDrive:
         ways = free_ways(pose_filter.tables.lattice, sample, _TURNS, LONGEST_LEG)
         mean = ways.mean(axis=1)
         reachable = np.quantile(ways, 0.1, axis=1)
-        score = 0.5 * mean + np.minimum(reachable, 2.0) - 0.35 * np.abs(_TURNS)
+        score = 0.5 * mean + np.minimum(reachable, 2.0) - 0.6 * np.abs(_TURNS)
         score -= 1.0 * (np.abs(_TURNS) > math.radians(150.0))
         # Towards what is so near ahead that it stopped the robot there is no way.
         score -= 3.0 * closed(_TURNS)

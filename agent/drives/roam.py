@@ -29,6 +29,10 @@ _CURVATURES = np.array([-1.2, -0.7, -0.35, -0.15, 0.0, 0.15, 0.35, 0.7, 1.2])
 _LOOK_AHEAD = 0.8
 _MOST_RISK = 0.04
 """Fraction of the likely poses that may touch a wall on the way looked at."""
+_STRAIGHT = math.radians(3.0)
+_BEND = math.radians(25.0)
+"""Turns so small are made while driving, if nothing is near."""
+_MOST_BEND = 0.08  # radians a cycle
 _PROGRESS = 0.15
 """Units; a leg that was shorter has failed."""
 _BARRED = math.radians(40.0)
@@ -116,6 +120,7 @@ class Roamer:
         self._to_turn = 0.0
         self._to_drive = 0.0
         self._driven = 0.0
+        self._bend = 0.0
         self._barred = Barred()
         self._wheels: Command = (0.0, 0.0)
         self._last: Command = (0.0, 0.0)
@@ -169,7 +174,8 @@ class Roamer:
             self.phase = LegPhase.CHOOSING
         if self.phase is LegPhase.CHOOSING:
             self._begin_leg(pose_filter)
-        if abs(self._to_turn) < math.radians(3.0):
+        if abs(self._to_turn) < (_BEND if self._bumper.open else _STRAIGHT):
+            self._bend = self._to_turn
             self.phase = LegPhase.DRIVING
             command = self._drive(pose_filter)
             return (0.0, 0.0) if command is None else command
@@ -216,6 +222,9 @@ class Roamer:
         elif self._bumper.open:
             power *= _SPRINT
         turn = float(np.clip(_CURVATURES[best] * power, -0.05, 0.05)) + self._bumper.steer
+        bend = min(max(0.5 * self._bend, -_MOST_BEND), _MOST_BEND)
+        self._bend -= bend
+        turn += bend
         power = min(power, MAX_POWER - abs(turn) / 2.0)
         return power - turn / 2.0, power + turn / 2.0
 
