@@ -10,6 +10,7 @@ _HALT = 2.2  # and at which to stop
 _IN_THE_WAY = 1.8
 _SIDE_NEAR = 3.2  # reading to the side from which on to keep away
 _SIDE_HALT = 9.0
+_CLOSING = 5.0  # reading to the side, two cycles ahead, from which on to slow down
 _SLOWEST = 0.4  # of the cruising speed, before a wall ahead
 _CREEP = 0.25  # and between walls that are very near
 _MOST_STEER = 0.03
@@ -36,6 +37,8 @@ class Bumper:
         self._behind = [i for i, angle in enumerate(turned) if abs(angle) >= 145.0]
         self._memory = 0.0 if noise < 0.2 else 0.5
         self._smooth: list[float] | None = None
+        self._beside = (0.0, 0.0)
+        self._closing = 0.0
         self.bumped = False
         """Whether the last leg ended in a collision."""
 
@@ -43,6 +46,7 @@ class Bumper:
         """Take in the readings of a message; sensors that were not sent keep their last."""
         if self._smooth is None:
             self._smooth = [reading or 0.0 for reading in infrared]
+            self._beside = self.left, self.right
             return
         for number, reading in enumerate(infrared):
             if reading is not None:
@@ -50,6 +54,9 @@ class Bumper:
                 # What grows is believed at once where it is large: noise is the same far and near.
                 memory = self._memory if reading < 2.0 * _HALT else 0.0
                 self._smooth[number] = memory * old + (1.0 - memory) * reading
+        before, self._beside = self._beside, (self.left, self.right)
+        # A corner that the robot will brush shows as a reading beside that grows from cycle to cycle.
+        self._closing = max(3.0 * new - 2.0 * old for new, old in zip(self._beside, before, strict=True))
 
     def _most(self, sensors: list[int]) -> float:
         return max((self._smooth[i] for i in sensors), default=0.0) if self._smooth else 0.0
@@ -83,12 +90,14 @@ class Bumper:
         sides = max(self.left, self.right)
         # A wall that the robot touches with its side is no reason to stay there for ever.
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
+        if self._closing > _CLOSING:
+            beside = min(beside, _SLOWEST)
         return min(_SLOWEST + (1.0 - _SLOWEST) * ahead if ahead > 0.0 else 0.0, beside)
 
     @property
     def open(self) -> bool:
         """Whether the sensors see nothing near, neither ahead nor beside."""
-        return self.ahead < _SLOW and max(self.left, self.right) < _SIDE_NEAR
+        return self.ahead < _SLOW and max(self.left, self.right) < _SIDE_NEAR and self._closing < _CLOSING
 
     @property
     def retreat(self) -> float:
