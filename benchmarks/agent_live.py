@@ -126,7 +126,7 @@ def parse(said: str) -> Live:
     spread = rf"{_NUMBER} ms a cycle \(median\), {_NUMBER} ms \(99 %\), {_NUMBER} ms \(most\)"
     filtered = re.search(rf"filter \((\w+)\): {spread}; behind in (\d+) of", said)
     answers = re.search(rf"answers: {spread}", said)
-    tables = re.search(rf"(tables: .*); memory at most {_NUMBER} MB, {_NUMBER} MB while", said)
+    tables = re.search(rf"(tables: .*); memory at most {_NUMBER} MB, {_NUMBER} MB of another", said)
     assert filtered is not None, said
     assert answers is not None, said
     assert tables is not None, said

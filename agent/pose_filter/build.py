@@ -2,7 +2,7 @@
 
 A thread would hold the interpreter's lock against the agent's loop, whose cycle is 50 ms. The order comes
 pickled on standard input from the parent process; the tables go to a file, the progress to standard
-output, a number a line.
+output, a number a line, and behind that the most memory held, in megabytes.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ def main() -> int:
     with contextlib.suppress(OSError):
         os.nice(5)  # the loop that waits for this comes first
     from agent.pose_filter.cache import write_tables
+    from agent.pose_filter.livestatistics import memory_megabytes
     from agent.pose_filter.tables import build_tables
 
     shown = -1
@@ -54,6 +55,7 @@ def main() -> int:
     tables = build_tables(order.lab, order.angles, order.resolution, steps=order.steps, progress=progress)
     tables.complete(order.lab)
     write_tables(order.path, tables)
+    print(f"memory {memory_megabytes():.1f}", flush=True)
     return 0
 
 

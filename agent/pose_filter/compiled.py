@@ -82,8 +82,14 @@ def load() -> bool:
     if _active is None:
         if not available():
             return False
-        from agent.pose_filter import kernels, warming
+        from agent.pose_filter import warming
 
+        try:
+            from agent.pose_filter import kernels
+        except (ImportError, RuntimeError) as error:  # a numba that does not fit, or no place for its cache
+            if choice() == "on":
+                raise UsageError(f"{VARIABLE}=on: {error}") from None
+            return False
         warming.call_all(kernels)
         use(kernels)
     return True

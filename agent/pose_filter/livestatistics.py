@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from agent.pose_filter import compiled
 from agent.pose_filter.worker import TableWorker
@@ -48,12 +49,12 @@ class LiveStatistics:
         late = sum(lag > 0 for lag in self.lags)
         loops = "numpy" if compiled.kernels() is None else "numba"
         tables = ", ".join(f"{which} after {seconds:.2f} s" for which, seconds in worker.seconds.items())
-        own, other = memory_megabytes()
         return [
             f"filter ({loops}): {_spread(self.milliseconds)}; "
             f"behind in {late} of {len(self.lags)} cycles, by {max(self.lags, default=0)} at most",
             f"answers: {_spread(self.answers)}",
-            f"tables: {tables}; memory at most {own:.0f} MB, {other:.0f} MB while computing tables",
+            f"tables: {tables}; memory at most {memory_megabytes():.0f} MB, "
+            f"{worker.megabytes:.0f} MB of another process for computing tables",
         ]
 
 
@@ -67,21 +68,18 @@ def _spread(milliseconds: Sequence[float]) -> str:
     )
 
 
-def memory_megabytes() -> tuple[float, float]:
-    """Give the most memory held so far by this process, and by one of its ended children (0: there was none).
+def memory_megabytes() -> float:
+    """Give the most memory that this process has held so far.
 
     Returns
     -------
-    float, float
+    float
         Megabytes; 0 where the system does not say.
     """
     try:
-        import resource
-        import sys
-    except ImportError:  # not on every system
-        return 0.0, 0.0
-    unit = 2.0**20 if sys.platform == "darwin" else 2.0**10
-    own, children = (
-        resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
-    return own / unit, children / unit
+        # Not `resource`: what a process held before it became this program would count.
+        lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return 0.0
+    peak = next((line for line in lines if line.startswith("VmHWM:")), "VmHWM: 0 kB")
+    return float(peak.split()[1]) / 1024.0

@@ -68,6 +68,8 @@ class TableWorker:
         self.fine: PoseTables | None = None
         self.seconds: dict[str, float] = {}
         """When what was there, since `start`: ``coarse``, ``fine``, ``loops``."""
+        self.megabytes = 0.0
+        """Most memory of a process that computed tables."""
         self._began = time.monotonic()
         self.error: BaseException | None = None
         self._done = threading.Event()
@@ -148,7 +150,8 @@ class TableWorker:
 
     def _compile_loops(self) -> bool:
         command = [sys.executable, "-m", "agent.pose_filter.warming"]
-        self._warming = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+        nothing = subprocess.DEVNULL
+        self._warming = subprocess.Popen(command, stdin=nothing, stderr=nothing, start_new_session=True)
         if self._stopped:
             self._warming.terminate()
         return self._warming.wait() == 0 and not self._stopped
@@ -194,7 +197,9 @@ class TableWorker:
             process.stdin.write(order)
             process.stdin.close()
             for line in process.stdout:
-                if self._progress is not None:
+                if line.startswith(b"memory "):
+                    self.megabytes = max(self.megabytes, float(line.split()[1]))
+                elif self._progress is not None:
                     self._progress(which, float(line))
         self._process = None
         if self._progress is not None:

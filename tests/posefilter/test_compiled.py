@@ -182,6 +182,20 @@ def test_the_environment_decides(monkeypatch):
     assert not compiled.load()
 
 
+def test_a_numba_that_does_not_work_is_done_without(monkeypatch):
+    import agent.pose_filter
+
+    monkeypatch.setattr(compiled, "available", lambda: True)
+    monkeypatch.setattr(compiled, "_active", None)
+    monkeypatch.setitem(sys.modules, "agent.pose_filter.kernels", None)  # importing it fails
+    monkeypatch.delattr(agent.pose_filter, "kernels", raising=False)
+    assert not compiled.load()
+    assert compiled.kernels() is None
+    monkeypatch.setenv(compiled.VARIABLE, "on")
+    with pytest.raises(UsageError, match="on"):
+        compiled.load()
+
+
 def test_machine_code_is_at_hand_once_it_is_in_the_cache(loops, monkeypatch, tmp_path):
     assert compiled.at_hand()
     monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))

@@ -186,4 +186,6 @@ def test_the_worker_computes_in_another_process_and_keeps_the_tables(small_lab, 
     assert np.array_equal(worker.fine.codes[0], expected.codes[0])
     assert [which for which, _ in seen] == sorted(which for which, _ in seen)
     assert seen[-1] == ("fine", 1.0)
+    assert 0.0 < worker.seconds["coarse"] < worker.seconds["fine"]
+    assert 10.0 < worker.megabytes < 2000.0
     assert len(list(tmp_path.glob("*.npz"))) == 2
