@@ -33,6 +33,8 @@ _STRAIGHT = math.radians(3.0)
 _BEND = math.radians(25.0)
 """Turns so small are made while driving, if nothing is near."""
 _MOST_BEND = 0.08  # radians a cycle
+_BACK_OFF = 3  # cycles after a collision
+_BACKWARDS: Command = (-0.1, -0.1)
 _PROGRESS = 0.15
 """Units; a leg that was shorter has failed."""
 _BARRED = math.radians(40.0)
@@ -121,6 +123,7 @@ class Roamer:
         self._to_drive = 0.0
         self._driven = 0.0
         self._bend = 0.0
+        self._backing = 0
         self._barred = Barred()
         self._wheels: Command = (0.0, 0.0)
         self._last: Command = (0.0, 0.0)
@@ -165,6 +168,11 @@ class Roamer:
         if measures.collision and self.phase is LegPhase.DRIVING:
             self.phase = LegPhase.CHOOSING
             self._bumper.bumped = True
+            self._backing = _BACK_OFF
+        if self._backing > 0:
+            # The wheels run on against the wall; a turn in place would begin with another bump.
+            self._backing -= 1
+            return _BACKWARDS
         if self.phase is LegPhase.DRIVING:
             command = self._drive(pose_filter)
             if command is not None:

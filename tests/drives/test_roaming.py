@@ -15,7 +15,7 @@ from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.tables import PoseTables, build_tables
 from ciberrato.lab import Lab, Wall
 from ciberrato.parameters import Parameters
-from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.startgrid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
@@ -109,3 +109,26 @@ def test_a_turn_in_place_keeps_off_what_is_touched(infrared: tuple[float, ...], 
     bumper = Bumper(ANGLES, 0.1)
     bumper.observe(infrared)
     assert np.sign(bumper.retreat) == sign
+
+
+def test_the_robot_backs_off_what_it_ran_into(room: Lab, tables: PoseTables) -> None:
+    # Both sensors miss a corner between their cones: nothing but the collision tells.
+    pose_filter = PoseFilter(room, tables, QUIET)
+    policy = make_drive("explore", room, QUIET, ANGLES)
+    open_ahead = Measures(time=0, infrared=(0.5, 0.5, 0.5, 0.5), collision=False)
+    command = None
+    for time in range(20):
+        measures = dataclasses.replace(open_ahead, time=time)
+        command = policy.decide(measures, pose_filter).command
+        if command[0] + command[1] > 0.2:
+            break
+    assert command is not None
+    assert command[0] + command[1] > 0.2
+    wheels, way = list(command), 0.0
+    for time in range(20, 23):
+        measures = dataclasses.replace(open_ahead, time=time, collision=time == 20)
+        command = policy.decide(measures, pose_filter).command
+        wheels = [(c + w) / 2.0 for c, w in zip(command, wheels, strict=True)]
+        way += sum(wheels) / 2.0
+    assert sum(wheels) < 0.0
+    assert way < 0.0
