@@ -70,8 +70,14 @@ def _run(options: argparse.Namespace) -> int:
         if not evaluation.results:
             raise UsageError(f"{options.output}: no outcomes")
     else:
+        from agent.pose_filter import compiled
+
+        tasks = _tasks(options)
+        loops = "numba" if compiled.choice() != "off" and compiled.available() else "numpy"
+        if not options.quiet and options.scheduler is None:
+            print(f"{PROGRAM}: the filter's loops are those of {loops}", file=sys.stderr)
         evaluation = run_tasks(
-            _tasks(options),
+            tasks,
             options.output,
             jobs=options.jobs,
             scheduler=options.scheduler,
