@@ -17,8 +17,7 @@ import math
 import numba
 import numpy as np
 
-from ciberrato.singlecone import BEYOND, COS, TAN
-from ciberrato.viewcone import IN_LINE
+from ciberrato.coneloops import nearest_listed
 from ciberrato.viewlists import LONGEST
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
@@ -137,45 +136,8 @@ def cone_distances(faces, seen, rows, sectors, x, y, cosine, sine):
         row, sector = rows[sensor], sectors[sensor]
         nearest = math.nan
         if row >= 0:
-            nearest = math.inf
-            for index in range(LONGEST):
-                bound = seen[row, sector, index, 0]
-                if bound >= nearest or bound == math.inf:
-                    break
-                face = int(seen[row, sector, index, 1])
-                ex, ey = faces[face, 2], faces[face, 3]
-                dx, dy = faces[face, 0] - x[sensor], faces[face, 1] - y[sensor]
-                area = dx * ey - dy * ex
-                limit = nearest * BEYOND * faces[face, 4]
-                if not -limit < area < limit:
-                    continue
-                across, ahead = cosine[sensor], sine[sensor]
-                v, ve = dy * across - dx * ahead, ey * across - ex * ahead
-                u_tan, ue_tan = (dx * across + dy * ahead) * TAN, (ex * across + ey * ahead) * TAN
-                lo, lo_slope = v - u_tan, ve - ue_tan
-                hi, hi_slope = v + u_tan, ve + ue_tan
-                lo_end, hi_end = lo + lo_slope, hi + hi_slope
-                if -IN_LINE < area < IN_LINE:
-                    if dx * dx + dy * dy + dx * ex + dy * ey <= IN_LINE:
-                        nearest = math.nan
-                        break
-                    area = math.inf
-                elif (lo > 0.0 and lo_end > 0.0) or (hi <= 0.0 and hi_end <= 0.0):
-                    continue
-                if lo <= 0.0 < hi:
-                    nearest = min(nearest, math.sqrt(dx * dx + dy * dy))
-                if (v > 0.0) != (v + ve > 0.0):
-                    distance = area / ve
-                    if 0.0 <= distance < nearest:
-                        nearest = distance
-                if (lo > 0.0) != (lo_end > 0.0):
-                    distance = area / (lo_slope * COS)
-                    if 0.0 <= distance < nearest:
-                        nearest = distance
-                if (hi > 0.0) != (hi_end > 0.0):
-                    distance = area / (hi_slope * COS)
-                    if 0.0 <= distance < nearest:
-                        nearest = distance
+            place = x[sensor], y[sensor], cosine[sensor], sine[sensor]
+            nearest = nearest_listed(faces, seen, row, sector, *place)
             if nearest > seen[row, sector, LONGEST, 0]:
                 nearest = math.nan  # the list ends before the nearest wall
         result[sensor] = nearest

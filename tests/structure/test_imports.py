@@ -23,7 +23,7 @@ ALLOWED = {
 # Slow to load: only inside the functions that use them.
 LAZY = {"scipy", "matplotlib", "numba"}
 # Compiled loops: these modules are themselves imported only where the extra `fast` is asked for.
-ITSELF_LAZY = {"simulator_stub/batch/loops.py", "agent/pose_filter/kernels.py"}
+ITSELF_LAZY = {"ciberrato/coneloops.py", "simulator_stub/batch/loops.py", "agent/pose_filter/kernels.py"}
 
 
 def modules(package):
