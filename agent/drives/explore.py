@@ -1,4 +1,4 @@
-"""``explore``: legs into the open, new directions first, whether or not the pose is known."""
+"""``explore``: legs into the open until the pose is known, then from cell to cell."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives.base import Decision
+from agent.drives.base import Command, Decision
+from agent.drives.celldrive import CellDrive
 from agent.drives.outlook import PoseSample, free_ways
-from agent.drives.roam import Closed, Roamer
+from agent.drives.roam import SPRINT, Closed, Roamer
 from agent.pose_filter.posefilter import PoseFilter
 from ciberrato.protocol.messages import Measures
 
@@ -32,13 +33,25 @@ class ExploreDrive:
 
     def __init__(self, angles: tuple[float, ...], obstacle_noise: float, *, cruise: float = 0.1) -> None:
         self._roamer = Roamer(angles, obstacle_noise, self.choose, cruise=cruise)
+        self._cells = CellDrive(angles, obstacle_noise, speed=SPRINT * cruise)
+        self._last: Command | None = None
         self._visits: Floats | None = None
-        self._origin = (0.0, 0.0, 0.0)
+        self._time: int | None = None
 
     def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self.note_visit(pose_filter)
-        return self._roamer.decide(measures, pose_filter)
+        # After a message that another answered, or that never came, the filter knows best.
+        unbroken = self._time is not None and measures.time == self._time + 1
+        self._time = measures.time
+        self._cells.observe(measures, pose_filter, self._last if unbroken else None)
+        self._last = self._cells.decide(measures)
+        if self._last is not None:
+            self._roamer.follow(measures, self._last)
+            return Decision(command=self._last)
+        decision = self._roamer.decide(measures, pose_filter)
+        self._last = decision.command
+        return decision
 
     def note_visit(self, pose_filter: PoseFilter) -> None:
         """Take note of the cell that the robot is in, if that is known."""

@@ -23,7 +23,7 @@ from ciberrato.protocol.messages import Measures
 Floats = NDArray[np.float64]
 
 _TURN_POWER = 0.15
-_SPRINT = 1.5
+SPRINT = 1.5
 """How much faster than cruising the robot drives where nothing is near."""
 _CURVATURES = np.array([-1.2, -0.7, -0.35, -0.15, 0.0, 0.15, 0.35, 0.7, 1.2])
 _LOOK_AHEAD = 0.8
@@ -142,6 +142,20 @@ class Roamer:
         self._last = (round(command[0], 4), round(command[1], 4))
         return Decision(command=self._last)
 
+    def follow(self, measures: Measures, command: Command) -> None:
+        """Take in a message to which another has answered, and the answer.
+
+        Parameters
+        ----------
+        measures : Measures
+        command : (float, float)
+        """
+        self._bumper.observe(measures.infrared)
+        self.phase = LegPhase.CHOOSING
+        self._dead_reckon()
+        self._barred.clear()
+        self._last = command
+
     def reconsider(self) -> None:
         """End the leg that the robot is on; the next may well go on straight ahead."""
         if self.phase is LegPhase.DRIVING and self._driven > _PROGRESS:
@@ -228,7 +242,7 @@ class Roamer:
                 return None
             power *= 0.5
         elif self._bumper.open:
-            power *= _SPRINT
+            power *= SPRINT
         turn = float(np.clip(_CURVATURES[best] * power, -0.05, 0.05)) + self._bumper.steer
         bend = min(max(0.5 * self._bend, -_MOST_BEND), _MOST_BEND)
         self._bend -= bend

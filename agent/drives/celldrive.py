@@ -1,0 +1,319 @@
+"""From cell to cell, once the pose is known: from centre to centre, turning in place.
+
+The robot goes to the nearest cell that it has not been in, and when it has been in all, to the one where
+it was longest ago. The estimate keeps it on the line between the centres; what the IR sensors say ahead
+and beside limits its speed, whatever the belief says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.drives.base import Command
+from agent.drives.cells import LEAST_ROOM, Beginning, Cell, CellGraph, Way, centre, join_cells, turning_cycles
+from agent.drives.detour import clear_way, shortest_detour
+from agent.drives.safety import Bumper
+from agent.pose_filter.lattice import Lattice
+from agent.pose_filter.posefilter import PoseFilter
+from ciberrato.geometry import WallMap
+from ciberrato.kinematics import MAX_POWER, advance, filter_power
+from ciberrato.lab import Lab
+from ciberrato.protocol.messages import Measures
+
+Pose = tuple[float, float, float]
+
+_HOLD = 5  # cycles for which the pose must be known before
+_LOST_AFTER = 6  # cycles without a claim after which it is not
+_ROOM = 0.57
+"""Units that a way which is not one between neighbours keeps from walls."""
+_NEAR = 2.3  # units within which a cell's centre may be the first
+_AHEAD = 0.45
+"""Units before a centre at which the robot must know whether it goes straight on."""
+_THERE = 0.05
+_ALIGNED = math.radians(4.0)
+_ASTRAY = math.radians(25.0)
+_OFF_LINE = 0.4
+_JUMP = 0.4  # units between dead reckoning and estimate
+_BLOCKED_FOR = 4  # cycles
+_BARRED_FOR = 200
+_BACK_OFF = 3
+_BACKWARDS: Command = (-0.1, -0.1)
+_PAUSE = 30
+"""Cycles of free legs after failures in a row."""
+
+
+class _Stop(NamedTuple):
+    """A place on the way, and the cell whose centre it is."""
+
+    x: float
+    y: float
+    cell: Cell | None
+
+
+class CellDrive:
+    """Drives from cell to cell while it knows where the robot is.
+
+    Parameters
+    ----------
+    angles : tuple of float
+        Mounting angles of the IR sensors in degrees.
+    obstacle_noise : float
+    speed : float
+        Motor command for driving straight on, in units a cycle.
+    """
+
+    def __init__(self, angles: tuple[float, ...], obstacle_noise: float, *, speed: float = MAX_POWER) -> None:
+        self._bumper = Bumper(angles, obstacle_noise)
+        self._speed = min(speed, MAX_POWER)
+        self._lattice: Lattice | None = None
+        self._tick = 0
+        self._known = self._unknown = 0
+        self._restarts = 0
+        self._pose: Pose | None = None
+        self._wheels: Command = (0.0, 0.0)
+        self._last: Command = (0.0, 0.0)
+        self._begin: tuple[float, float] = (0.0, 0.0)
+        self._way: list[_Stop] = []
+        self._turning = False
+        self._blocked = self._backing = self._pause = 0
+        self._barred: dict[Way, int] = {}
+        self._enclosed = False
+        self._seen: NDArray[np.float64] = np.zeros((0, 0))
+
+    @property
+    def cell(self) -> Cell | None:
+        """The cell that the robot is on its way to; None while it is not on any way."""
+        return self._way[-1].cell if self._way else None
+
+    def _prepare(self, pose_filter: PoseFilter) -> None:
+        lab: Lab = pose_filter.lab
+        self._lattice = pose_filter.planning_tables.lattice
+        self._graph: CellGraph = join_cells(self._lattice, lab.rows, lab.columns)
+        self._walls = WallMap.from_lab(lab)
+        self._forget_visits()
+
+    def _forget_visits(self) -> None:
+        self._seen = np.full(self._graph.free.shape, -math.inf)
+        self._enclosed = False
+        self._barred.clear()
+
+    # --- every cycle ------------------------------------------------------------------------------------
+
+    def observe(self, measures: Measures, pose_filter: PoseFilter, last: Command | None) -> None:
+        """Take in a message, whoever decides on the answer.
+
+        Parameters
+        ----------
+        measures : Measures
+        pose_filter : PoseFilter
+            Has taken it in.
+        last : (float, float) or None
+            The command given before; None if that is not known.
+        """
+        self._tick += 1
+        self._bumper.observe(measures.infrared)
+        if last is None:
+            self._wheels = pose_filter.wheels
+        else:
+            left, right = (filter_power(c, w) for c, w in zip(last, self._wheels, strict=True))
+            self._wheels = left, right
+        found = pose_filter.estimate()
+        if len(pose_filter.restarts) > self._restarts:
+            self._restarts = len(pose_filter.restarts)
+            self._known = 0
+            self._lose()
+            if self._lattice is not None:
+                self._forget_visits()  # some of them were made elsewhere
+        if not found.certain:
+            self._unknown += 1
+            self._known = 0
+            if self._unknown >= _LOST_AFTER:
+                self._lose()
+            elif self._pose is not None:
+                self._pose = advance(*self._pose, *self._wheels)
+            return
+        if self._lattice is None:
+            self._prepare(pose_filter)
+        self._known, self._unknown = self._known + 1, 0
+        if self._known >= _HOLD or self._pose is not None:
+            self._take_pose((found.x, found.y, found.heading))
+        row, column = found.cell
+        if 0 <= row < self._seen.shape[0] and 0 <= column < self._seen.shape[1]:
+            self._seen[row, column] = self._tick
+
+    def _take_pose(self, pose: Pose) -> None:
+        if self._pose is not None:
+            x, y, _ = advance(*self._pose, *self._wheels)
+            if math.hypot(x - pose[0], y - pose[1]) > _JUMP:
+                self._way = []
+        self._pose = pose
+
+    def _lose(self) -> None:
+        self._pose, self._way = None, []
+
+    def decide(self, measures: Measures) -> Command | None:
+        """Decide what to do.
+
+        Parameters
+        ----------
+        measures : Measures
+            As observed before.
+
+        Returns
+        -------
+        (float, float) or None
+            None while the pose is not known, or there is no way to any cell: then others are to decide.
+        """
+        if self._pose is None or self._pause > 0:
+            self._pause = max(self._pause - 1, 0)
+            self._way = []
+            return None
+        if measures.collision and self._backing == 0 and sum(self._wheels) >= 0.0:
+            self._backing = _BACK_OFF
+            self._fail()
+        if self._backing > 0:
+            self._backing -= 1
+            return _BACKWARDS
+        if not self._way and not self._set_out():
+            self._pause = _PAUSE
+            return None
+        command = self._follow()
+        if command is None:
+            self._fail()
+            return 0.0, 0.0
+        return round(command[0], 4), round(command[1], 4)
+
+    def _fail(self) -> None:
+        """Bar the way that the robot was on; after two failures in short time leave it to others."""
+        if any(until > self._tick + _BARRED_FOR - 50 for until in self._barred.values()):
+            self._pause = _PAUSE
+        if self._way:
+            cell = self._way[0].cell
+            begin = int(self._begin[1] // 2.0), int(self._begin[0] // 2.0)
+            if cell is not None:
+                self._barred[begin, cell] = self._tick + _BARRED_FOR
+        self._way = []
+        self._blocked = 0
+
+    def _closed(self, way: Way) -> bool:
+        return self._barred.get(way, 0) > self._tick
+
+    # --- where to ---------------------------------------------------------------------------------------
+
+    def _set_out(self) -> bool:
+        """Find a way from where the robot is; say whether there is one."""
+        assert self._pose is not None
+        x, y, heading = self._pose
+        beginnings = []
+        here = int(y // 2.0), int(x // 2.0)
+        rows, columns = self._graph.free.shape
+        for row in range(max(here[0] - 1, 0), min(here[0] + 2, rows)):
+            for column in range(max(here[1] - 1, 0), min(here[1] + 2, columns)):
+                cell = row, column
+                there = centre(cell)
+                away = math.hypot(there[0] - x, there[1] - y)
+                if not self._graph.free[cell] or away > _NEAR or self._closed((here, cell)):
+                    continue
+                if not clear_way(self._walls, (x, y), there, _ROOM):
+                    continue
+                bearing = math.atan2(there[1] - y, there[0] - x) if away > _THERE else heading
+                cycles = away / self._speed + turning_cycles(bearing - heading)
+                beginnings.append(Beginning(cell, cycles, bearing))
+        self._way = self._plan(beginnings, (x, y))
+        self._start_leg((x, y))
+        return bool(self._way)
+
+    def _plan(self, beginnings: Sequence[Beginning], place: tuple[float, float]) -> list[_Stop]:
+        assert self._lattice is not None
+        cells = self._graph.quickest(beginnings, self._seen, self._closed)
+        if not cells or self._seen[cells[-1]] > -math.inf:
+            unseen = np.argwhere(self._graph.free & (self._seen == -math.inf))
+            wanted = unseen if beginnings else np.argwhere(self._graph.free)
+            if not (beginnings and self._enclosed):
+                ends = [centre((int(row), int(column))) for row, column in wanted]
+                detour = shortest_detour(self._lattice, self._walls, place, ends, LEAST_ROOM)
+                if detour:
+                    goal = int(detour[-1][1] // 2.0), int(detour[-1][0] // 2.0)
+                    return [*(_Stop(*corner, None) for corner in detour[:-1]), _Stop(*detour[-1], goal)]
+                self._enclosed = bool(beginnings)
+        return [_Stop(*centre(cell), cell) for cell in cells]
+
+    def _extend(self) -> None:
+        """Plan on from the last place of the way, in time to go straight on there."""
+        last = self._way[-1]
+        if last.cell is None:
+            return
+        self._seen[last.cell] = self._tick
+        on = self._plan([Beginning(last.cell, 0.0, self._direction(last))], last[:2])
+        self._way += on[1:] if on and on[0].cell == last.cell else on
+
+    # --- along the way ----------------------------------------------------------------------------------
+
+    def _direction(self, stop: _Stop) -> float:
+        return math.atan2(stop.y - self._begin[1], stop.x - self._begin[0])
+
+    def _start_leg(self, begin: tuple[float, float]) -> None:
+        self._begin = begin
+        self._turning = True
+        self._blocked = 0
+
+    def _follow(self) -> Command | None:
+        """Give the command for the leg that the robot is on; None if something is in the way."""
+        assert self._pose is not None
+        x, y, heading = self._pose
+        way = (self._wheels[0] + self._wheels[1]) / 2.0
+        for _ in range(4):  # places that the robot is at already
+            stop = self._way[0]
+            direction = self._direction(stop)
+            if math.hypot(stop.x - self._begin[0], stop.y - self._begin[1]) < _THERE:
+                direction = heading
+            cosine, sine = math.cos(direction), math.sin(direction)
+            left = (stop.x - x) * cosine + (stop.y - y) * sine
+            if left > _AHEAD:
+                break
+            if len(self._way) == 1:
+                self._extend()
+            if len(self._way) == 1:
+                break
+            following = self._way[1]
+            onwards = math.atan2(following.y - stop.y, following.x - stop.x)
+            straight = abs(math.remainder(onwards - direction, 2.0 * math.pi)) < 0.05
+            if not straight and left - way > _THERE:
+                break
+            self._way.pop(0)
+            turning = self._turning
+            self._start_leg(stop[:2])
+            self._turning = turning if straight else True
+        beside = -(x - stop.x) * sine + (y - stop.y) * cosine  # to the left of the line
+        if abs(beside) > _OFF_LINE:
+            self._way = []
+            return 0.0, 0.0
+        return self._steer(direction - heading, beside, left)
+
+    def _steer(self, turn: float, beside: float, left: float) -> Command | None:
+        way, turned = (self._wheels[0] + self._wheels[1]) / 2.0, self._wheels[1] - self._wheels[0]
+        turn = math.remainder(turn, 2.0 * math.pi)
+        if self._turning or abs(turn) > _ASTRAY:
+            # What the wheels run on by is part of the way to come.
+            self._turning = abs(turn - turned) > _ALIGNED
+            if self._turning:
+                rate = min(max(turn - turned, -2.0 * MAX_POWER), 2.0 * MAX_POWER)
+                off = self._bumper.retreat
+                return off - rate / 2.0, off + rate / 2.0
+        power = min(self._speed, left - way, self._bumper.limit)
+        if power < 0.01 and left > 0.3:
+            self._blocked += 1
+            if self._blocked > _BLOCKED_FOR:
+                return None
+        else:
+            self._blocked = 0
+        back_to_line = -math.atan(min(max(1.2 * beside, -0.4), 0.4)) if left > 0.2 else 0.0
+        rate = 0.5 * (turn + back_to_line) - 0.5 * turned + 0.5 * self._bumper.steer
+        rate = min(max(rate, -0.1), 0.1)
+        power = max(min(power, MAX_POWER - abs(rate) / 2.0), -0.05)
+        return power - rate / 2.0, power + rate / 2.0
