@@ -6,10 +6,10 @@ import math
 
 from agent.phases import TRANSITIONS, Event, Phase
 from agent.pilot import Pilot
-from agent.runrecords import Cycle, RunHeader
 from agent.tracker import STANDSTILL, CellTracker, Command, Crossing
 from ciberrato.parameters import Parameters
 from ciberrato.protocol.messages import Actions, Measures
+from ciberrato.runrecords import Cycle, RunHeader
 
 _STUCK = 40  # colliding cycles in a row after which the way is given up
 _STANDING = 8  # cycles at rest before a wall in which it may still turn out that there is none

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from agent.runrecords import DistanceModel
     from ciberrato.lab import Lab, Wall
     from ciberrato.parameters import Parameters
+    from ciberrato.runrecords import DistanceModel
 
 Angles = tuple[float, float, float, float]
 

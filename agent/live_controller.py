@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from agent.controller import Controller
 from agent.live_belief import BeliefLog
-from agent.runrecords import Cycle, RunHeader
 from agent.tracker import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
+from ciberrato.runrecords import Cycle, RunHeader
 
 if TYPE_CHECKING:
     from agent.drives.base import Decision, Drive

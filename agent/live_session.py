@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from agent.pose_filter.live import LiveFilter
     from agent.pose_filter.worker import TableWorker
     from agent.reporter import Reporter
-    from agent.runlog import RunWriter
-    from agent.runrecords import Cycle
     from agent.signals import Interrupts
     from ciberrato.net.link import Link
+    from ciberrato.runlog import RunWriter
+    from ciberrato.runrecords import Cycle
 
 _LINE_EVERY = 20  # cycles between two lines of what is known
 _BAR = 24
@@ -103,8 +103,8 @@ class LiveSession(Session):
         import agent.drives
         import agent.ground_truth
         import agent.live_controller
-        import agent.pose_filter.live
-        import agent.runlog  # noqa: F401
+        import agent.pose_filter.live  # noqa: F401
+        import ciberrato.runlog  # noqa: F401
         from agent.pose_filter import compiled
 
         if compiled.at_hand():
@@ -240,8 +240,8 @@ class LiveSession(Session):
         return super()._finish(link, reason)
 
     def _write_beliefs(self, reason: str) -> int:
-        from agent.belieffile import write_beliefs
         from agent.pose_filter.trace import cell_beliefs
+        from ciberrato.belieffile import write_beliefs
 
         assert self._live is not None
         assert self._tables is not None

@@ -6,13 +6,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.belieffile import write_beliefs
 from agent.localizer import Localization, Preset, localize
+from ciberrato.belieffile import write_beliefs
 
 if TYPE_CHECKING:
     from agent.ground_truth import GroundTruth
-    from agent.runrecords import RecordedRun, RunHeader
     from ciberrato.lab import Lab
+    from ciberrato.runrecords import RecordedRun, RunHeader
 
 
 def ground_truth_of(header: RunHeader, lab: Lab) -> GroundTruth:

@@ -14,9 +14,9 @@ from agent.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
-    from agent.runrecords import RecordedRun
     from agent.signals import Interrupts
     from ciberrato.lab import Lab
+    from ciberrato.runrecords import RecordedRun
 
 
 def localize(words: Sequence[str], interrupts: Interrupts) -> int:
@@ -75,7 +75,7 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
 
         run, lab = run_from_simulator_log(options.run, options.angles, robot=options.robot)
         return run, lab if options.map is None else read_lab_file(options.map)[0]
-    from agent.runlog import read_run
+    from ciberrato.runlog import read_run
 
     run = read_run(options.run)
     if options.map is None:

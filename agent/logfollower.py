@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from agent.runlog import parse_cycle, parse_header
-from agent.runrecords import Cycle, RecordedRun, RunHeader
 from ciberrato.errors import LabError
+from ciberrato.runlog import parse_cycle, parse_header
+from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
 
 
 class LogFollower:

@@ -18,8 +18,8 @@ DEFAULT_OUTPUT = Path("localization.out")
 
 PRESETS = ("calibrated", "seed")
 DISTANCES = ("sensor", "cone")
-# As in agent.runlog, which is not imported yet: its records take time that the registration should not wait
-# for.
+# As in ciberrato.runrecords, which is not imported yet: making its records takes time that the registration
+# should not wait for.
 
 
 class OptionParser(argparse.ArgumentParser):

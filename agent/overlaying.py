@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from agent.localization import ground_truth_of, localize_run
 from agent.logfollower import follow
-from agent.runrecords import Cycle, RecordedRun
 from agent.summary import peak
 from agent.track import estimated_track
 from ciberrato.lab import CELL_SIZE
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import GridBelief, OverlayMessage, PoseMark, Shape
+from ciberrato.runrecords import Cycle, RecordedRun
 
 if TYPE_CHECKING:
     from agent.ground_truth import GroundTruth

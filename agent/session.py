@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from agent.controller import Controller
     from agent.ground_truth import GroundTruthWorker
     from agent.reporter import Reporter
-    from agent.runlog import RunWriter
-    from agent.runrecords import Cycle, DistanceModel, Preset, RunHeader
     from agent.signals import Interrupts
     from ciberrato.lab import Lab
+    from ciberrato.runlog import RunWriter
+    from ciberrato.runrecords import Cycle, DistanceModel, Preset, RunHeader
 
 _SILENT_CYCLES = 3  # a simulator is not silent before it has missed so many cycles
 
@@ -155,8 +155,8 @@ class Session:
         """Answer Measures until something ends the run; return what."""
         import hashlib
 
-        from agent.runlog import RunWriter
-        from agent.runrecords import RunHeader
+        from ciberrato.runlog import RunWriter
+        from ciberrato.runrecords import RunHeader
 
         settings, parameters = self._settings, answer.acceptance.parameters
         assert self._worker is not None
@@ -270,7 +270,7 @@ class Session:
 
     def _finish(self, link: Link, reason: str) -> int:
         """Stop the robot, run the filter, write the file."""
-        from agent.runrecords import RecordedRun
+        from ciberrato.runrecords import RecordedRun
 
         interrupts, settings = self._interrupts, self._settings
         if self._header is None or not any(cycle.step is not None for cycle in self._cycles):

@@ -113,8 +113,8 @@ def _draw_table(options: argparse.Namespace, lab: Lab) -> None:
 
 
 def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.belieffile import read_beliefs
     from agent.figures.beliefs import belief_panels
+    from ciberrato.belieffile import read_beliefs
 
     beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
     _check_size(beliefs.shape, lab)
@@ -123,8 +123,8 @@ def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
 
 
 def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.belieffile import read_beliefs
     from agent.figures.curves import step_curves
+    from ciberrato.belieffile import read_beliefs
 
     beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
     step_curves(beliefs, options.output, true_cells=_true_cells(options, len(beliefs)))
@@ -134,8 +134,8 @@ def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
     import numpy as np
 
     from agent.figures.curves import pose_error_curves
-    from agent.runlog import read_run
     from agent.truthfile import read_truth
+    from ciberrato.runlog import read_run
 
     run, poses = read_run(_needed(options, "run")), read_truth(_needed(options, "truth"))
     cycles = [cycle for cycle in run.cycles if cycle.time in poses]
@@ -172,8 +172,8 @@ def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] |
     """Look up the true cell of each block; the log tells at which cycle each step was."""
     if options.truth is None:
         return None
-    from agent.runlog import read_run
     from agent.truthfile import read_truth, true_cells
+    from ciberrato.runlog import read_run
 
     if options.run is None:
         raise UsageError("--truth needs --run, too: the log tells at which cycle each step was")
@@ -214,8 +214,8 @@ def _compare_parser() -> OptionParser:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from agent.belieffile import read_beliefs
     from agent.comparison import compare_beliefs, comparison_table
+    from ciberrato.belieffile import read_beliefs
 
     first, second = (read_beliefs(path)[-1].beliefs for path in (options.first, options.second))
     comparison = compare_beliefs(first, second)
@@ -250,8 +250,8 @@ def _animate_parser() -> OptionParser:
 def _animate(options: argparse.Namespace) -> None:
     from agent.figures.animation import animate_run, check_animation
     from agent.localization import ground_truth_of, localize_run
-    from agent.runlog import read_run
     from agent.truthfile import read_truth
+    from ciberrato.runlog import read_run
 
     check_animation(options.output)
     if options.every < 1:

@@ -12,10 +12,10 @@ import hashlib
 from pathlib import Path
 
 from agent.controller import make_cycle
-from agent.runrecords import Cycle, RecordedRun, RunHeader
 from agent.tracker import STANDSTILL, CellTracker
 from ciberrato.errors import LabError, UsageError
 from ciberrato.lab import Lab
+from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
 from ciberrato.simlog import LogStream
 
 Angles = tuple[float, float, float, float]

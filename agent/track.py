@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.runrecords import RecordedRun
 from agent.summary import peak
 from ciberrato.lab import CELL_SIZE
+from ciberrato.runrecords import RecordedRun
 
 Array = NDArray[np.float64]
 

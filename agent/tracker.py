@@ -11,11 +11,11 @@ from collections import deque
 from dataclasses import dataclass
 
 from agent.pose import Explanation, Pose, PoseFilter
-from agent.runrecords import Readings
 from agent.wallcues import WallAhead, clutter, reading_variance, side_explanations
 from ciberrato.lab import CELL_SIZE
 from ciberrato.parameters import Parameters
 from ciberrato.protocol.messages import Measures
+from ciberrato.runrecords import Readings
 
 Command = tuple[float, float]
 STANDSTILL: Command = (0.0, 0.0)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, TextIO
 
 from agent.localization import ground_truth_of, localize_run
 from agent.logfollower import LogFollower, follow
-from agent.runrecords import RecordedRun
 from agent.summary import heat_map, step_table
+from ciberrato.runrecords import RecordedRun
 
 if TYPE_CHECKING:
     from agent.ground_truth import GroundTruth

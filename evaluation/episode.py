@@ -185,7 +185,7 @@ def _driver(
 def _right_driver(parameters: Parameters, angles: tuple[float, float, float, float]) -> Driver:
     """Build the published drive: align to the right, drive right, stand before the wall."""
     from agent.controller import Controller
-    from agent.runrecords import RunHeader
+    from ciberrato.runrecords import RunHeader
 
     header = RunHeader(lab_name="", lab_sha256="", parameters=parameters, sensor_angles=angles)
     controller = Controller(header)

@@ -24,12 +24,12 @@ from agent.phases import Phase
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.staged import StagedFilter
 from agent.pose_filter.tables import COARSE
-from agent.runrecords import RunHeader
 from ciberrato.infrared import cell_centres
 from ciberrato.lab import CELL_SIZE, Lab
 from ciberrato.parameterfile import read_parameters
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.runrecords import RunHeader
 from ciberrato.startgrid import GridPosition, StartGrid
 from evaluation.episode import RIGHT_ANGLES, lab_of, tables_of
 from evaluation.report import aligned

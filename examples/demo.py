@@ -19,12 +19,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO
 
-from agent.belieffile import read_beliefs
-from agent.runlog import read_run
 from agent.summary import step_table
 from agent.truthfile import read_truth, true_cells
+from ciberrato.belieffile import read_beliefs
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.labfile import read_lab
+from ciberrato.runlog import read_run
 from maps import find_lab
 
 LAB = "standard"

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.atomic import replace_file
 from agent.figures.beliefs import draw_belief, probability_scale
 from agent.figures.canvas import LINE_COLOURS, new_figure
 from agent.figures.conepoint import nearest_point, sensor_point
 from agent.figures.labmaps import draw_cone, draw_robot
-from agent.runrecords import RecordedRun
 from agent.summary import cell_name, normalized_entropy, peak
 from agent.track import estimated_track
 from agent.truthfile import TruePose
+from ciberrato.atomic import replace_file
 from ciberrato.errors import UsageError
 from ciberrato.geometry import WallMap
 from ciberrato.lab import Lab
+from ciberrato.runrecords import RecordedRun
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from agent.atomic import replace_file
+from ciberrato.atomic import replace_file
 from ciberrato.errors import UsageError
 from ciberrato.lab import CELL_SIZE, Lab
 

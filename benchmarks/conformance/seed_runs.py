@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.belieffile import read_beliefs
 from agent.ground_truth import compute_ground_truth
 from agent.localizer import Localization, localize
 from agent.summary import peak
 from agent.tracker import CellTracker, Crossing
 from benchmarks.conformance.row import Row
+from ciberrato.belieffile import read_beliefs
 from ciberrato.lab import CELL_SIZE
 from ciberrato.labfile import default_lab
 from ciberrato.protocol import (

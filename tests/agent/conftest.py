@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 from agent.controller import Controller
-from agent.runrecords import Cycle, RunHeader
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import ideal_reading, round_reading, sensor_distances
 from ciberrato.kinematics import advance, clamp_power, filter_power
@@ -26,6 +25,7 @@ from ciberrato.lab import Lab
 from ciberrato.labfile import read_lab
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, Actions, Measures, decode_actions, decode_simulator_message, encode
+from ciberrato.runrecords import Cycle, RunHeader
 from maps import find_lab
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)

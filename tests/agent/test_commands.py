@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from agent.cli import main
-from agent.runlog import RunWriter
-from agent.runrecords import RunHeader
 from ciberrato.parameters import Parameters
+from ciberrato.runlog import RunWriter
+from ciberrato.runrecords import RunHeader
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -191,3 +191,13 @@ def test_signals_are_given_back_to_whoever_had_them() -> None:
     assert main(["-h", "127.0.0.1:9", "--give-up-after", "0.01"]) == 2
     after = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     assert after == before
+
+
+def test_the_command_line_offers_what_the_log_knows() -> None:
+    from typing import get_args
+
+    from agent.commands import DISTANCES, PRESETS
+    from ciberrato.runrecords import DistanceModel, Preset
+
+    assert set(PRESETS) == set(get_args(Preset))
+    assert set(DISTANCES) == set(get_args(DistanceModel))

@@ -8,10 +8,10 @@ import pytest
 
 from agent.controller import Controller
 from agent.phases import TRANSITIONS, Event, Phase
-from agent.runrecords import RunHeader
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, Measures
+from ciberrato.runrecords import RunHeader
 
 HeaderFor = Callable[..., RunHeader]
 PARAMETERS = Parameters(motors_noise=0.0)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from agent.belieffile import read_beliefs
-from agent.runlog import read_run
+from ciberrato.belieffile import read_beliefs
+from ciberrato.runlog import read_run
 
 REPOSITORY = Path(__file__).parents[2]
 

@@ -10,14 +10,14 @@ import pytest
 
 import agent.ground_truth
 import agent.session
-from agent.belieffile import read_beliefs
 from agent.cli import main
-from agent.runlog import RunWriter, read_run
+from ciberrato.belieffile import read_beliefs
 from ciberrato.errors import LabError
 from ciberrato.net import LinkClosedError, LinkError
 from ciberrato.net.link import Arrival
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, Actions, Measures, Refusal, decode_actions, encode
+from ciberrato.runlog import RunWriter, read_run
 
 PARAMETERS = Parameters(motors_noise=0.0)
 

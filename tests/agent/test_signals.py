@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from agent.belieffile import read_beliefs
-from agent.runlog import read_run
+from ciberrato.belieffile import read_beliefs
 from ciberrato.parameters import Parameters
+from ciberrato.runlog import read_run
 
 pytestmark = pytest.mark.slow
 
@@ -143,7 +143,7 @@ def test_while_no_simulator_answers(agent: Callable[..., Agent], count: int) -> 
         "call:agent.registration:_attempt",
         "call:agent.registration:_find_answer",
         "import:agent.controller",
-        "call:agent.runlog:RunWriter.__init__",
+        "call:ciberrato.runlog:RunWriter.__init__",
     ],
 )
 def test_before_the_first_reading_nothing_is_written(
@@ -206,7 +206,7 @@ FINISHING = [
     "call:agent.session:Session._stop",
     "import:agent.localization",
     "call:agent.localizer:localize",
-    "call:agent.atomic:replace_file",
+    "call:ciberrato.atomic:replace_file",
     "call:os:fsync",
     "call:os:replace",
     "call:agent.localization:print_localization",

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agent.belieffile import read_beliefs
 from agent.cli import main
 from agent.simulatorlog import is_simulator_log, run_from_simulator_log
+from ciberrato.belieffile import read_beliefs
 from ciberrato.errors import LabError, UsageError
 
 DATA = Path(__file__).parents[1] / "data" / "golden" / "logs"

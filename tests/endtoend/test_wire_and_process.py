@@ -10,13 +10,13 @@ import threading
 import numpy as np
 import pytest
 
-from agent.belieffile import read_beliefs
 from agent.ground_truth import compute_ground_truth
 from agent.localizer import localize
-from agent.runlog import read_run
 from benchmarks.accuracy import ANGLES, drive, random_start
+from ciberrato.belieffile import read_beliefs
 from ciberrato.labfile import read_lab
 from ciberrato.parameters import Parameters
+from ciberrato.runlog import read_run
 from maps import find_lab
 
 

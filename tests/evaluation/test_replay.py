@@ -60,7 +60,7 @@ def test_what_is_no_recording_is_a_line(tmp_path, capsys):
 
 @pytest.mark.parametrize("name", ["noise_free_pos1", "default_noise_pos1"])
 def test_the_times_of_the_originals_blocks_are_found(name):
-    from agent.belieffile import read_beliefs
+    from ciberrato.belieffile import read_beliefs
     from evaluation.replay import _reading_times
 
     run = RUNS / name

@@ -7,12 +7,12 @@ import numpy as np
 from agent.ground_truth import compute_ground_truth
 from agent.localizer import localize
 from agent.overlaying import belief_overlay, live_belief_overlay, pose_overlay, show_overlays
-from agent.runlog import RunWriter
-from agent.runrecords import Cycle, RecordedRun, RunHeader
 from ciberrato.labfile import read_lab
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import decode_overlay
 from ciberrato.parameters import Parameters
+from ciberrato.runlog import RunWriter
+from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
 from maps import find_lab
 
 LAB = read_lab(find_lab("standard"))

@@ -7,17 +7,17 @@ import shutil
 import numpy as np
 import pytest
 
-from agent.belieffile import write_beliefs
 from agent.cli import main
 from agent.ground_truth import compute_ground_truth
 from agent.localizer import localize
 from agent.logfollower import LogFollower
-from agent.runlog import RunWriter
-from agent.runrecords import Cycle, RunHeader
 from agent.watching import screen, watch
 from benchmarks.accuracy import ANGLES, drive
+from ciberrato.belieffile import write_beliefs
 from ciberrato.labfile import read_lab
 from ciberrato.parameters import Parameters
+from ciberrato.runlog import RunWriter
+from ciberrato.runrecords import Cycle, RunHeader
 from ciberrato.startgrid import GridPosition
 from maps import find_lab
 
@@ -182,9 +182,9 @@ def test_watch_ends_when_nothing_comes(tmp_path):
 
 
 def test_the_track_ends_in_the_most_likely_cell(run):
-    from agent.belieffile import read_beliefs
-    from agent.runlog import read_run
     from agent.track import estimated_track
+    from ciberrato.belieffile import read_beliefs
+    from ciberrato.runlog import read_run
 
     beliefs = read_beliefs(run / "localization.out")[-1].beliefs
     track = estimated_track(read_run(run / "run.jsonl"), beliefs)

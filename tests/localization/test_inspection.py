@@ -5,10 +5,10 @@ import io
 import numpy as np
 import pytest
 
-from agent.belieffile import write_beliefs
 from agent.figures import belief_panels
 from agent.inspection import inspect
 from agent.summary import heat_map, peak, step_table
+from ciberrato.belieffile import write_beliefs
 from ciberrato.errors import UsageError
 from ciberrato.lab import Lab
 from ciberrato.labfile import default_lab

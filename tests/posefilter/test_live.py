@@ -13,10 +13,10 @@ import pytest
 
 from agent.live_controller import LiveController
 from agent.pose_filter.live import LiveFilter
-from agent.runlog import RunHeader, RunWriter, read_run
 from ciberrato.lab import Lab, Wall
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.runlog import RunHeader, RunWriter, read_run
 from ciberrato.startgrid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
@@ -192,7 +192,7 @@ def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
     assert last.leds[0]
     assert last.estimate is not None
     assert math.hypot(last.estimate[0] - 7.0, last.estimate[1] - 5.0) < 0.3
-    from agent.belieffile import read_beliefs
+    from ciberrato.belieffile import read_beliefs
 
     blocks = read_beliefs(tmp_path / "localization.out")[0].beliefs
     assert blocks.shape[1:] == (3, 4)

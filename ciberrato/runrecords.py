@@ -1,6 +1,6 @@
 """The records of a run: what is known when it begins, its cycles, and the steps that the filter uses.
 
-`agent.runlog` writes and reads them.
+`ciberrato.runlog` writes and reads them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class RunHeader:
     preset : str
         Filter preset asked for, ``seed`` or ``calibrated``.
     distance_model : str
-        What a sensor is taken to measure, ``sensor`` or ``cone``; see `agent.ground_truth`.
+        What a sensor is taken to measure, ``sensor`` or ``cone``; see `ciberrato.infrared.cell_readings`.
     seed : int or None
         Seed of the simulation where the caller told it; the agent draws no random numbers.
     robot_name : str
@@ -97,7 +97,7 @@ class Cycle:
     spread : tuple of float
         Standard deviations of the last three, in their units.
     phase : str
-        What the agent was doing; see `agent.phases`.
+        What the agent was doing, in its own words.
     step : int or None
         Number of the step that was recorded at this message: 0 = start cell, k = k-th cell entered.
     estimate : (float, float, float, float) or None

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent.atomic import TEMPORARY_SUFFIX
-from agent.belieffile import format_beliefs, parse_beliefs, read_beliefs, write_beliefs
+from ciberrato.atomic import TEMPORARY_SUFFIX
+from ciberrato.belieffile import format_beliefs, parse_beliefs, read_beliefs, write_beliefs
 from ciberrato.errors import LabError, UsageError
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.atomic import replace_file
+from ciberrato.atomic import replace_file
 from ciberrato.errors import LabError
 
 Array = NDArray[np.float64]

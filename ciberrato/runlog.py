@@ -1,9 +1,9 @@
-"""The agent's log: JSON Lines, one line a cycle, written as the run goes on and read back afterwards.
+"""The log of an agent's run: JSON Lines, a line a cycle, written as the run goes on and read back afterwards.
 
-The first line describes the run (`RunHeader` of `agent.runrecords`), each following one a Measures message
-and what the agent made of it (`Cycle`). Every line is handed to the operating system as soon as it is
-complete, so that a killed agent leaves a log that is good to its last full line. Numbers are written with all
-their digits: what is read back equals what was written.
+The first line describes the run (`RunHeader` of `ciberrato.runrecords`), each following one a Measures
+message and what the agent made of it (`Cycle`). Every line is handed to the operating system as soon as it
+is complete, so that a killed agent leaves a log that is good to its last full line. Numbers are written with
+all their digits: what is read back equals what was written.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from agent.runrecords import FORMAT_VERSION, Cycle, DistanceModel, Preset, RecordedRun, RunHeader
 from ciberrato.errors import LabError
 from ciberrato.parameters import Parameters
+from ciberrato.runrecords import FORMAT_VERSION, Cycle, DistanceModel, Preset, RecordedRun, RunHeader
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from agent.runlog import RunWriter, read_run
-from agent.runrecords import Cycle, RecordedRun, RunHeader
 from ciberrato.errors import LabError
 from ciberrato.parameters import Parameters
+from ciberrato.runlog import RunWriter, read_run
+from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
 
 HEADER = RunHeader(
     lab_name="corridors_lab.xml",
@@ -129,18 +129,8 @@ def test_missing_and_unreadable_files(tmp_path: Path) -> None:
 
 
 def test_every_field_type_is_checked() -> None:
-    from agent.runlog import _CHECKS
+    from ciberrato.runlog import _CHECKS
 
     for kind in (RunHeader, Cycle, Parameters):
         for field in dataclasses.fields(kind):
             assert str(field.type).removesuffix(" | None") in _CHECKS
-
-
-def test_the_command_line_offers_what_the_log_knows() -> None:
-    from typing import get_args
-
-    from agent.commands import DISTANCES, PRESETS
-    from agent.runrecords import DistanceModel, Preset
-
-    assert set(PRESETS) == set(get_args(Preset))
-    assert set(DISTANCES) == set(get_args(DistanceModel))
