@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ciberrato.belieffile import write_beliefs
 from ciberrato.errors import LabError
 from ciberrato.infrared import cell_readings, round_reading
 from ciberrato.labfile import read_lab
 from maps import find_lab
 from viewer.cli import main
 from viewer.page_messages import AskBelief, AskFrames
-from viewer.recording import load_recording, read_log
+from viewer.recording import load_recording
 
 from .conftest import SECONDS
 
@@ -97,22 +98,31 @@ def test_estimates_of_a_live_pose_filter_are_shown_as_they_are(log):
     assert shown == [[1.0, 1.01, 1.0], [7.5, 8.25, -90.0]]
 
 
+def test_beliefs_that_were_lost_and_begun_again_are_those_of_one_run(log, tmp_path):
+    known, anew = np.zeros((7, 14)), np.full((7, 14), 1 / 98)
+    known[6, 0] = 1.0
+    out = tmp_path / "localization.out"
+    write_beliefs(out, np.array([anew, known, known, anew, known, known, anew]))
+    session = load_recording(log, None, (0, 0), out)
+    shown = [json.loads(session.answer(AskBelief("log", time)))["belief"] for time in (0, 40, 60, 100)]
+    assert [belief["modes"][0][2] for belief in shown] == pytest.approx([1.0, 1 / 98, 1.0, 1 / 98], rel=0.01)
+
+
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("number", "line", "words"),
     [
-        ("", "format"),
-        ("{}\n", "format"),
-        ("nonsense\n", "JSON"),
-        ('{"format":"ciberrato-run","format_version":2}\n', "format"),
-        ('{"format":"ciberrato-run","format_version":1}\n{"time":"x"}\n', "time"),
-        ('{"format":"ciberrato-run","format_version":1}\n[]\n', "object"),
+        (1, "{}", ":1: .*format"),
+        (1, "nonsense", ":1: .*JSON"),
+        (2, '{"time":"x"}', ":2: time"),
+        (3, "[]", ":3: .*object"),
     ],
 )
-def test_what_is_no_log_is_refused(tmp_path, text, words):
-    path = tmp_path / "x.jsonl"
-    path.write_text(text)
+def test_what_is_no_log_is_refused(log, number, line, words):
+    lines = log.read_text().splitlines()
+    lines[number - 1] = line
+    log.write_text("\n".join(lines) + "\n")
     with pytest.raises(LabError, match=words):
-        read_log(path)
+        load_recording(log, None, None)
 
 
 def test_a_log_of_another_lab_is_refused(log):
