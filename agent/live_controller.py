@@ -6,9 +6,9 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING
 
-from agent.controller import Controller
+from agent.control.controller import Controller
+from agent.control.tracker import STANDSTILL, Command
 from agent.live_belief import BeliefLog
-from agent.tracker import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.runrecords import Cycle, RunHeader
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from agent.session import Session, Settings
 
 if TYPE_CHECKING:
-    from agent.controller import Controller
+    from agent.control.controller import Controller
     from agent.drives.base import Drive
     from agent.pose_filter.live import LiveFilter
     from agent.pose_filter.worker import TableWorker

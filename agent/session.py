@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from agent.phases import Phase
+from agent.control.phases import Phase
 from agent.registration import Answer, register
 from ciberrato.errors import ProtocolError, UsageError
 from ciberrato.net.link import Arrival, Link, LinkError
 from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
 
 if TYPE_CHECKING:
-    from agent.controller import Controller
+    from agent.control.controller import Controller
     from agent.ground_truth import GroundTruthWorker
     from agent.reporter import Reporter
     from agent.signals import Interrupts
@@ -192,7 +192,7 @@ class Session:
         return reason
 
     def _make_controller(self) -> Controller:
-        from agent.controller import Controller
+        from agent.control.controller import Controller
 
         assert self._header is not None
         return Controller(self._header, exit_at_wall=self._settings.exit_at_wall)

@@ -11,8 +11,8 @@ import dataclasses
 import hashlib
 from pathlib import Path
 
-from agent.controller import make_cycle
-from agent.tracker import STANDSTILL, CellTracker
+from agent.control.controller import make_cycle
+from agent.control.tracker import STANDSTILL, CellTracker
 from ciberrato.errors import LabError, UsageError
 from ciberrato.lab import Lab
 from ciberrato.runrecords import Cycle, RecordedRun, RunHeader

@@ -11,8 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.control.phases import Phase
 from agent.drives import make_drive
-from agent.phases import Phase
 from agent.pose_filter.cache import cached_tables
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.staged import StagedFilter
@@ -184,7 +184,7 @@ def _driver(
 
 def _right_driver(parameters: Parameters, angles: tuple[float, float, float, float]) -> Driver:
     """Build the published drive: align to the right, drive right, stand before the wall."""
-    from agent.controller import Controller
+    from agent.control.controller import Controller
     from ciberrato.runrecords import RunHeader
 
     header = RunHeader(lab_name="", lab_sha256="", parameters=parameters, sensor_angles=angles)

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.controller import Controller
+from agent.control.controller import Controller
+from agent.control.phases import Phase
 from agent.ground_truth import GroundTruth, compute_ground_truth, standing_room
 from agent.localizer import localize
-from agent.phases import Phase
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.staged import StagedFilter
 from agent.pose_filter.tables import COARSE

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
+from agent.control.tracker import CellTracker, Crossing
 from agent.ground_truth import compute_ground_truth
 from agent.localizer import Localization, localize
 from agent.summary import peak
-from agent.tracker import CellTracker, Crossing
 from benchmarks.conformance.row import Row
 from ciberrato.belieffile import read_beliefs
 from ciberrato.lab import CELL_SIZE

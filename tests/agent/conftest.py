@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.controller import Controller
+from agent.control.controller import Controller
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import ideal_reading, round_reading, sensor_distances
 from ciberrato.kinematics import advance, clamp_power, filter_power

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from agent.controller import Controller
-from agent.phases import TRANSITIONS, Event, Phase
+from agent.control.controller import Controller
+from agent.control.phases import TRANSITIONS, Event, Phase
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, Measures

@@ -142,7 +142,7 @@ def test_while_no_simulator_answers(agent: Callable[..., Agent], count: int) -> 
         "call:agent.session:_open_link",
         "call:agent.registration:_attempt",
         "call:agent.registration:_find_answer",
-        "import:agent.controller",
+        "import:agent.control.controller",
         "call:ciberrato.runlog:RunWriter.__init__",
     ],
 )

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from agent.tracker import CellTracker, Crossing
+from agent.control.tracker import CellTracker, Crossing
 from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Measures

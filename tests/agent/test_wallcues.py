@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose import Pose
-from agent.wallcues import WallAhead, reading_variance, side_explanations
+from agent.control.pose import Pose
+from agent.control.wallcues import WallAhead, reading_variance, side_explanations
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import cell_openings, ideal_reading, sensor_distances
 from ciberrato.lab import Lab

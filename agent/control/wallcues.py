@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from agent.pose import Explanation, Pose
+from agent.control.pose import Explanation, Pose
 from ciberrato.lab import CELL_SIZE
 
 FACE = 0.9

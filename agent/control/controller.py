@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from agent.phases import TRANSITIONS, Event, Phase
-from agent.pilot import Pilot
-from agent.tracker import STANDSTILL, CellTracker, Command, Crossing
+from agent.control.phases import TRANSITIONS, Event, Phase
+from agent.control.pilot import Pilot
+from agent.control.tracker import STANDSTILL, CellTracker, Command, Crossing
 from ciberrato.parameters import Parameters
 from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.runrecords import Cycle, RunHeader

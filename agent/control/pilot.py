@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from agent.tracker import STANDSTILL, CellTracker, Command
+from agent.control.tracker import STANDSTILL, CellTracker, Command
 from ciberrato.kinematics import MAX_POWER
 from ciberrato.lab import CELL_SIZE
 

@@ -10,8 +10,8 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from agent.pose import Explanation, Pose, PoseFilter
-from agent.wallcues import WallAhead, clutter, reading_variance, side_explanations
+from agent.control.pose import Explanation, Pose, PoseFilter
+from agent.control.wallcues import WallAhead, clutter, reading_variance, side_explanations
 from ciberrato.lab import CELL_SIZE
 from ciberrato.parameters import Parameters
 from ciberrato.protocol.messages import Measures
