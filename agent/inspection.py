@@ -9,7 +9,7 @@ from typing import TextIO
 
 import numpy as np
 
-from agent.summary import heat_map, step_table
+from agent.offline.summary import heat_map, step_table
 from ciberrato.belieffile import BeliefRun, read_beliefs
 from ciberrato.errors import UsageError
 from ciberrato.lab import Lab

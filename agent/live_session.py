@@ -101,8 +101,8 @@ class LiveSession(Session):
         import gc
 
         import agent.drives
-        import agent.ground_truth
         import agent.live_controller
+        import agent.offline.ground_truth
         import agent.pose_filter.live  # noqa: F401
         import ciberrato.runlog  # noqa: F401
         from agent.pose_filter import compiled
@@ -129,7 +129,7 @@ class LiveSession(Session):
 
     def _start_worker(self) -> None:
         # The published method's tables are wanted at the end, if at all; until then they are not worked out.
-        from agent.ground_truth import GroundTruthWorker
+        from agent.offline.ground_truth import GroundTruthWorker
 
         settings = self._settings
         self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)

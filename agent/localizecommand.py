@@ -48,7 +48,7 @@ def localize(words: Sequence[str], interrupts: Interrupts) -> int:
     run, lab = _read(options)
     if not run.steps:
         raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
-    from agent.localization import ground_truth_of, print_localization, write_localization
+    from agent.offline.localization import ground_truth_of, print_localization, write_localization
 
     interrupts.arm()  # from here on a signal must not harm the file
     header = run.header
@@ -68,10 +68,10 @@ def localize(words: Sequence[str], interrupts: Interrupts) -> int:
 
 def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
     """Read the log, whosever it is, and the lab."""
-    from agent.simulatorlog import is_simulator_log
+    from agent.offline.simulatorlog import is_simulator_log
 
     if is_simulator_log(options.run):
-        from agent.simulatorlog import run_from_simulator_log
+        from agent.offline.simulatorlog import run_from_simulator_log
 
         run, lab = run_from_simulator_log(options.run, options.angles, robot=options.robot)
         return run, lab if options.map is None else read_lab_file(options.map)[0]

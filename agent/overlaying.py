@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.localization import ground_truth_of, localize_run
 from agent.logfollower import follow
-from agent.summary import peak
-from agent.track import estimated_track
+from agent.offline.localization import ground_truth_of, localize_run
+from agent.offline.summary import peak
+from agent.offline.track import estimated_track
 from ciberrato.lab import CELL_SIZE
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import GridBelief, OverlayMessage, PoseMark, Shape
 from ciberrato.runrecords import Cycle, RecordedRun
 
 if TYPE_CHECKING:
-    from agent.ground_truth import GroundTruth
+    from agent.offline.ground_truth import GroundTruth
     from ciberrato.lab import Lab
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simu
 
 if TYPE_CHECKING:
     from agent.control.controller import Controller
-    from agent.ground_truth import GroundTruthWorker
+    from agent.offline.ground_truth import GroundTruthWorker
     from agent.reporter import Reporter
     from agent.signals import Interrupts
     from ciberrato.lab import Lab
@@ -145,7 +145,7 @@ class Session:
 
     def _start_worker(self) -> None:
         # Not before the registration is on its way: its imports take most of the start.
-        from agent.ground_truth import GroundTruthWorker
+        from agent.offline.ground_truth import GroundTruthWorker
 
         settings = self._settings
         self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
@@ -281,7 +281,7 @@ class Session:
         self._reporter.say(f"{reason}; finishing: writing {settings.output} (signals are ignored until then)")
         self._stop(link)
         assert self._worker is not None
-        from agent.localization import print_localization, write_localization
+        from agent.offline.localization import print_localization, write_localization
 
         try:
             localization = write_localization(

@@ -22,7 +22,7 @@ from ciberrato.lab import CELL_SIZE
 if TYPE_CHECKING:
     from types import FrameType
 
-    from agent.summary import Cell
+    from agent.offline.summary import Cell
     from ciberrato.lab import Lab
 
 
@@ -106,7 +106,7 @@ def _draw_cones(options: argparse.Namespace, lab: Lab) -> None:
 
 def _draw_table(options: argparse.Namespace, lab: Lab) -> None:
     from agent.figures.labmaps import ground_truth_maps
-    from agent.ground_truth import compute_ground_truth
+    from agent.offline.ground_truth import compute_ground_truth
 
     truth = compute_ground_truth(lab, options.angles, model=options.distance)
     ground_truth_maps(lab, truth, options.angles, options.output)
@@ -134,7 +134,7 @@ def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
     import numpy as np
 
     from agent.figures.curves import pose_error_curves
-    from agent.truthfile import read_truth
+    from agent.offline.truthfile import read_truth
     from ciberrato.runlog import read_run
 
     run, poses = read_run(_needed(options, "run")), read_truth(_needed(options, "truth"))
@@ -172,7 +172,7 @@ def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] |
     """Look up the true cell of each block; the log tells at which cycle each step was."""
     if options.truth is None:
         return None
-    from agent.truthfile import read_truth, true_cells
+    from agent.offline.truthfile import read_truth, true_cells
     from ciberrato.runlog import read_run
 
     if options.run is None:
@@ -214,7 +214,7 @@ def _compare_parser() -> OptionParser:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from agent.comparison import compare_beliefs, comparison_table
+    from agent.offline.comparison import compare_beliefs, comparison_table
     from ciberrato.belieffile import read_beliefs
 
     first, second = (read_beliefs(path)[-1].beliefs for path in (options.first, options.second))
@@ -249,8 +249,8 @@ def _animate_parser() -> OptionParser:
 
 def _animate(options: argparse.Namespace) -> None:
     from agent.figures.animation import animate_run, check_animation
-    from agent.localization import ground_truth_of, localize_run
-    from agent.truthfile import read_truth
+    from agent.offline.localization import ground_truth_of, localize_run
+    from agent.offline.truthfile import read_truth
     from ciberrato.runlog import read_run
 
     check_animation(options.output)

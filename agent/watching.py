@@ -11,13 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.localization import ground_truth_of, localize_run
 from agent.logfollower import LogFollower, follow
-from agent.summary import heat_map, step_table
+from agent.offline.localization import ground_truth_of, localize_run
+from agent.offline.summary import heat_map, step_table
 from ciberrato.runrecords import RecordedRun
 
 if TYPE_CHECKING:
-    from agent.ground_truth import GroundTruth
+    from agent.offline.ground_truth import GroundTruth
     from ciberrato.lab import Lab
 
 INTERVAL = 0.2

@@ -20,9 +20,9 @@ import numpy as np
 
 from agent.control.pilot import Pilot
 from agent.control.tracker import CellTracker, Crossing
-from agent.ground_truth import compute_ground_truth, standing_room
-from agent.localizer import PRESETS, localize
-from agent.summary import Cell, peak
+from agent.offline.ground_truth import compute_ground_truth, standing_room
+from agent.offline.localizer import PRESETS, localize
+from agent.offline.summary import Cell, peak
 from benchmarks.enumeration import enumerate_starts
 from ciberrato.lab import CELL_SIZE, Lab
 from ciberrato.labfile import read_lab

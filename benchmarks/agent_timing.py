@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.ground_truth import compute_ground_truth
+from agent.offline.ground_truth import compute_ground_truth
 from benchmarks.measure import Row, best_time
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import cell_readings, ideal_reading, round_reading, sensor_distances

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from agent.control.controller import Controller
 from agent.control.phases import Phase
-from agent.ground_truth import GroundTruth, compute_ground_truth, standing_room
-from agent.localizer import localize
+from agent.offline.ground_truth import GroundTruth, compute_ground_truth, standing_room
+from agent.offline.localizer import localize
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.staged import StagedFilter
 from agent.pose_filter.tables import COARSE

@@ -22,11 +22,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.offline.summary import cell_name, peak
 from agent.pose_filter.cache import cached_tables
 from agent.pose_filter.staged import StagedFilter
 from agent.pose_filter.tables import COARSE, FINE
 from agent.pose_filter.trace import cell_beliefs
-from agent.summary import cell_name, peak
 from ciberrato.belieffile import read_beliefs
 from ciberrato.errors import LabError
 from ciberrato.kinematics import filter_power

@@ -19,8 +19,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO
 
-from agent.summary import step_table
-from agent.truthfile import read_truth, true_cells
+from agent.offline.summary import step_table
+from agent.offline.truthfile import read_truth, true_cells
 from ciberrato.belieffile import read_beliefs
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.labfile import read_lab

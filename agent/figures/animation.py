@@ -17,9 +17,9 @@ from agent.figures.beliefs import draw_belief, probability_scale
 from agent.figures.canvas import LINE_COLOURS, new_figure
 from agent.figures.conepoint import nearest_point, sensor_point
 from agent.figures.labmaps import draw_cone, draw_robot
-from agent.summary import cell_name, normalized_entropy, peak
-from agent.track import estimated_track
-from agent.truthfile import TruePose
+from agent.offline.summary import cell_name, normalized_entropy, peak
+from agent.offline.track import estimated_track
+from agent.offline.truthfile import TruePose
 from ciberrato.atomic import replace_file
 from ciberrato.errors import UsageError
 from ciberrato.geometry import WallMap

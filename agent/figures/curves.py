@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.figures.canvas import LINE_COLOURS, TRUE_COLOUR, new_figure, save_figure
-from agent.summary import Cell, normalized_entropy
+from agent.offline.summary import Cell, normalized_entropy
 
 Array = NDArray[np.float64]
 

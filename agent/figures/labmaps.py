@@ -12,14 +12,14 @@ import numpy as np
 
 from agent.figures.canvas import LINE_COLOURS, draw_walls, new_figure, save_figure, set_lab_axes
 from agent.figures.conepoint import nearest_point, sensor_point
-from agent.summary import Cell, cell_name
+from agent.offline.summary import Cell, cell_name
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import HALF_APERTURE, ideal_reading
 from ciberrato.kinematics import ROBOT_RADIUS
 from ciberrato.lab import CELL_SIZE, Lab
 
 if TYPE_CHECKING:
-    from agent.ground_truth import GroundTruth
+    from agent.offline.ground_truth import GroundTruth
 
 
 def wall_map(lab: Lab, path: str | os.PathLike[str]) -> None:

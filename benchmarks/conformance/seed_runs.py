@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from agent.control.tracker import CellTracker, Crossing
-from agent.ground_truth import compute_ground_truth
-from agent.localizer import Localization, localize
-from agent.summary import peak
+from agent.offline.ground_truth import compute_ground_truth
+from agent.offline.localizer import Localization, localize
+from agent.offline.summary import peak
 from benchmarks.conformance.row import Row
 from ciberrato.belieffile import read_beliefs
 from ciberrato.lab import CELL_SIZE

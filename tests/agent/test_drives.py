@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.ground_truth import pose_error
+from agent.offline.ground_truth import pose_error
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import cell_openings
 from ciberrato.lab import Lab

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import agent.ground_truth
-from agent.ground_truth import GroundTruthWorker, compute_ground_truth, pose_error, pose_error_nodes
+import agent.offline.ground_truth
+from agent.offline.ground_truth import GroundTruthWorker, compute_ground_truth, pose_error, pose_error_nodes
 from ciberrato.errors import LabError
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import ideal_reading, nearest_in_cone, sensor_distances
@@ -128,13 +128,13 @@ def test_nobody_waits_for_the_worker_but_who_asks_for_the_result(
     standard: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     go_on = threading.Event()
-    compute = agent.ground_truth.compute_ground_truth
+    compute = agent.offline.ground_truth.compute_ground_truth
 
     def slow(*arguments: object, **options: object) -> object:
         go_on.wait()
         return compute(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(agent.ground_truth, "compute_ground_truth", slow)
+    monkeypatch.setattr(agent.offline.ground_truth, "compute_ground_truth", slow)
     worker = GroundTruthWorker(standard, ANGLES)
     worker.start()
     worker.announce(Parameters())
@@ -157,7 +157,7 @@ def test_what_stops_the_worker_is_told(
     def fail(*arguments: object, **options: object) -> None:
         raise problem
 
-    monkeypatch.setattr(agent.ground_truth, "compute_ground_truth", fail)
+    monkeypatch.setattr(agent.offline.ground_truth, "compute_ground_truth", fail)
     worker = GroundTruthWorker(standard, ANGLES)
     worker.start()
     with pytest.raises((LabError, ZeroDivisionError), match=complaint):
@@ -167,7 +167,7 @@ def test_what_stops_the_worker_is_told(
 
 def test_an_abandoned_worker_ends_without_working(standard: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     called = []
-    monkeypatch.setattr(agent.ground_truth, "compute_ground_truth", lambda *a, **k: called.append(1))
+    monkeypatch.setattr(agent.offline.ground_truth, "compute_ground_truth", lambda *a, **k: called.append(1))
     worker = GroundTruthWorker(standard, ANGLES)
     worker.start()
     worker.abandon()

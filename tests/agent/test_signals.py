@@ -187,7 +187,7 @@ def test_in_the_middle_of_the_run(
 
 def test_before_the_worker_is_done(agent: Callable[..., Agent], fake_simulator: Any) -> None:
     simulator = fake_simulator(PARAMETERS, hold_at=60)
-    process = agent(simulator.port, "call:agent.ground_truth:compute_ground_truth")
+    process = agent(simulator.port, "call:agent.offline.ground_truth:compute_ground_truth")
     process.wait_paused()
     assert simulator.held.wait(PATIENCE)  # the control loop has not waited for the worker
     process.wait_logged(60)
@@ -204,12 +204,12 @@ def test_before_the_worker_is_done(agent: Callable[..., Agent], fake_simulator: 
 
 FINISHING = [
     "call:agent.session:Session._stop",
-    "import:agent.localization",
-    "call:agent.localizer:localize",
+    "import:agent.offline.localization",
+    "call:agent.offline.localizer:localize",
     "call:ciberrato.atomic:replace_file",
     "call:os:fsync",
     "call:os:replace",
-    "call:agent.localization:print_localization",
+    "call:agent.offline.localization:print_localization",
     "call:agent.signals:Interrupts.ignore",
 ]
 
@@ -244,7 +244,7 @@ def test_when_the_run_ends_by_itself(agent: Callable[..., Agent], fake_simulator
     [
         (0, None),
         (100, None),
-        (100, "call:agent.localizer:localize"),
+        (100, "call:agent.offline.localizer:localize"),
         (100, "call:os:fsync"),
         (100, "call:os:replace"),
     ],

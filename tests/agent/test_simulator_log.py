@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agent.cli import main
-from agent.simulatorlog import is_simulator_log, run_from_simulator_log
+from agent.offline.simulatorlog import is_simulator_log, run_from_simulator_log
 from ciberrato.belieffile import read_beliefs
 from ciberrato.errors import LabError, UsageError
 

@@ -10,8 +10,8 @@ import threading
 import numpy as np
 import pytest
 
-from agent.ground_truth import compute_ground_truth
-from agent.localizer import localize
+from agent.offline.ground_truth import compute_ground_truth
+from agent.offline.localizer import localize
 from benchmarks.accuracy import ANGLES, drive, random_start
 from ciberrato.belieffile import read_beliefs
 from ciberrato.labfile import read_lab

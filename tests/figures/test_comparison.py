@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from agent.comparison import compare_beliefs, comparison_table, jensen_shannon
+from agent.offline.comparison import compare_beliefs, comparison_table, jensen_shannon
 from ciberrato.errors import UsageError
 
 

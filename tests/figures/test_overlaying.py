@@ -4,8 +4,8 @@ import socket
 
 import numpy as np
 
-from agent.ground_truth import compute_ground_truth
-from agent.localizer import localize
+from agent.offline.ground_truth import compute_ground_truth
+from agent.offline.localizer import localize
 from agent.overlaying import belief_overlay, live_belief_overlay, pose_overlay, show_overlays
 from ciberrato.labfile import read_lab
 from ciberrato.net.overlay import OverlayClient

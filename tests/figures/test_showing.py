@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from agent.cli import main
-from agent.ground_truth import compute_ground_truth
-from agent.localizer import localize
 from agent.logfollower import LogFollower
+from agent.offline.ground_truth import compute_ground_truth
+from agent.offline.localizer import localize
 from agent.watching import screen, watch
 from benchmarks.accuracy import ANGLES, drive
 from ciberrato.belieffile import write_beliefs
@@ -182,7 +182,7 @@ def test_watch_ends_when_nothing_comes(tmp_path):
 
 
 def test_the_track_ends_in_the_most_likely_cell(run):
-    from agent.track import estimated_track
+    from agent.offline.track import estimated_track
     from ciberrato.belieffile import read_beliefs
     from ciberrato.runlog import read_run
 

@@ -7,7 +7,7 @@ import pytest
 
 from agent.figures import belief_panels
 from agent.inspection import inspect
-from agent.summary import heat_map, peak, step_table
+from agent.offline.summary import heat_map, peak, step_table
 from ciberrato.belieffile import write_beliefs
 from ciberrato.errors import UsageError
 from ciberrato.lab import Lab

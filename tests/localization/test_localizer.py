@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from agent.ground_truth import GroundTruth
-from agent.localizer import localize
+from agent.offline.ground_truth import GroundTruth
+from agent.offline.localizer import localize
 from benchmarks.enumeration import enumerate_starts, rounded_probability
 
 SIGMA = 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agent.ground_truth import standing_room
+from agent.offline.ground_truth import standing_room
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.startprior import parse_start
 from ciberrato.infrared import cell_readings, reading_log_likelihood, round_reading

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.summary import peak
+from agent.offline.summary import peak
 from ciberrato.lab import CELL_SIZE
 from ciberrato.runrecords import RecordedRun
 

@@ -31,7 +31,7 @@ from ciberrato.bayes.motion.blocked_shift import BlockedShift, Openings
 from ciberrato.infrared import reading_log_likelihood
 
 if TYPE_CHECKING:
-    from agent.ground_truth import GroundTruth
+    from agent.offline.ground_truth import GroundTruth
 
 Array = NDArray[np.float64]
 Preset = Literal["seed", "calibrated"]

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from agent.summary import Cell
+from agent.offline.summary import Cell
 from ciberrato.errors import LabError
 from ciberrato.lab import CELL_SIZE
 

@@ -6,11 +6,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.localizer import Localization, Preset, localize
+from agent.offline.localizer import Localization, Preset, localize
 from ciberrato.belieffile import write_beliefs
 
 if TYPE_CHECKING:
-    from agent.ground_truth import GroundTruth
+    from agent.offline.ground_truth import GroundTruth
     from ciberrato.lab import Lab
     from ciberrato.runrecords import RecordedRun, RunHeader
 
@@ -28,7 +28,7 @@ def ground_truth_of(header: RunHeader, lab: Lab) -> GroundTruth:
     -------
     GroundTruth
     """
-    from agent.ground_truth import compute_ground_truth
+    from agent.offline.ground_truth import compute_ground_truth
 
     return compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
 
@@ -97,7 +97,7 @@ def print_localization(localization: Localization, output: Path, stream: TextIO 
     stream : text stream
         Standard output if None.
     """
-    from agent.summary import step_table
+    from agent.offline.summary import step_table
 
     stream = sys.stdout if stream is None else stream
     notes = [""] * len(localization.beliefs)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.summary import Cell, cell_name
+from agent.offline.summary import Cell, cell_name
 from ciberrato.errors import UsageError
 
 Array = NDArray[np.float64]

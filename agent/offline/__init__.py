@@ -1,0 +1,1 @@
+"""The filter over cells that runs after the drive: what it needs, what it reads, and what its beliefs say."""
