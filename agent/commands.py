@@ -90,7 +90,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     with beside(settings.log, *views):
         status = _drive(options, dataclasses.replace(settings, quiet=quiet), interrupts)
     if status == 0 and options.watch and not options.quiet:
-        from agent.inspection import inspect
+        from agent.views.inspection import inspect
 
         inspect(settings.output)
     return status
@@ -122,7 +122,7 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
 def _inspect(options: argparse.Namespace) -> int:
     import shutil
 
-    from agent.inspection import inspect
+    from agent.views.inspection import inspect
 
     lab = None if options.map is None else read_lab_file(options.map)[0]
     width = shutil.get_terminal_size().columns

@@ -42,7 +42,7 @@ def localize(words: Sequence[str], interrupts: Interrupts) -> int:
     options = _parser().parse_args(words)
     check_output(options.output)
     if options.animate is not None:
-        from agent.figures.animation import check_animation
+        from agent.views.figures.animation import check_animation
 
         check_animation(options.animate)
     run, lab = _read(options)
@@ -59,7 +59,7 @@ def localize(words: Sequence[str], interrupts: Interrupts) -> int:
     if not options.quiet:
         print_localization(localization, options.output)
     if options.animate is not None:
-        from agent.figures.animation import animate_run
+        from agent.views.figures.animation import animate_run
 
         frames = animate_run(run, localization.beliefs, lab, options.animate)
         Reporter(quiet=options.quiet).say(f"animation: {options.animate}, {frames} frames")

@@ -92,28 +92,28 @@ def _draw(options: argparse.Namespace) -> None:
 
 
 def _draw_walls(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.figures.labmaps import wall_map
+    from agent.views.figures.labmaps import wall_map
 
     wall_map(lab, options.output)
 
 
 def _draw_cones(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.figures.labmaps import sensor_cones
+    from agent.views.figures.labmaps import sensor_cones
 
     cell = _cell(options.cell, lab)
     sensor_cones(lab, cell, options.angles, options.output, model=options.distance, heading=options.heading)
 
 
 def _draw_table(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.figures.labmaps import ground_truth_maps
     from agent.offline.ground_truth import compute_ground_truth
+    from agent.views.figures.labmaps import ground_truth_maps
 
     truth = compute_ground_truth(lab, options.angles, model=options.distance)
     ground_truth_maps(lab, truth, options.angles, options.output)
 
 
 def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.figures.beliefs import belief_panels
+    from agent.views.figures.beliefs import belief_panels
     from ciberrato.belieffile import read_beliefs
 
     beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
@@ -123,7 +123,7 @@ def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
 
 
 def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.figures.curves import step_curves
+    from agent.views.figures.curves import step_curves
     from ciberrato.belieffile import read_beliefs
 
     beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
@@ -133,8 +133,8 @@ def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:
 def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
     import numpy as np
 
-    from agent.figures.curves import pose_error_curves
     from agent.offline.truthfile import read_truth
+    from agent.views.figures.curves import pose_error_curves
     from ciberrato.runlog import read_run
 
     run, poses = read_run(_needed(options, "run")), read_truth(_needed(options, "truth"))
@@ -221,7 +221,7 @@ def _compare(options: argparse.Namespace) -> None:
     comparison = compare_beliefs(first, second)
     print(comparison_table(comparison))
     if options.png is not None:
-        from agent.figures.differences import difference_panels
+        from agent.views.figures.differences import difference_panels
 
         lab = None if options.map is None else read_lab_file(options.map)[0]
         if lab is not None:
@@ -248,9 +248,9 @@ def _animate_parser() -> OptionParser:
 
 
 def _animate(options: argparse.Namespace) -> None:
-    from agent.figures.animation import animate_run, check_animation
     from agent.offline.localization import ground_truth_of, localize_run
     from agent.offline.truthfile import read_truth
+    from agent.views.figures.animation import animate_run, check_animation
     from ciberrato.runlog import read_run
 
     check_animation(options.output)
@@ -280,7 +280,7 @@ def _watch_parser() -> OptionParser:
 
 
 def _watch(options: argparse.Namespace) -> None:
-    from agent.watching import watch
+    from agent.views.watching import watch
 
     ended = _Ending(options.until_eof)
     lab, _, _ = read_lab_file(options.map)
@@ -329,7 +329,7 @@ def _overlay_parser() -> OptionParser:
 
 
 def _overlay(options: argparse.Namespace) -> None:
-    from agent.overlaying import show_overlays
+    from agent.views.overlaying import show_overlays
     from ciberrato.net.address import parse_address
     from ciberrato.net.overlay import OverlayClient
     from ciberrato.overlay import OVERLAY_PORT

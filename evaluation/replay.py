@@ -361,8 +361,8 @@ def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
     UsageError
         If the file cannot be written.
     """
-    from agent.figures.beliefs import draw_belief, probability_scale
-    from agent.figures.canvas import TRUE_COLOUR, draw_walls, new_figure, save_figure, set_lab_axes
+    from agent.views.figures.beliefs import draw_belief, probability_scale
+    from agent.views.figures.canvas import TRUE_COLOUR, draw_walls, new_figure, save_figure, set_lab_axes
 
     moments = found.moments[:_MOST_BLOCKS]
     rows = max(-(-len(moments) // 2), 1)

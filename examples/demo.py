@@ -120,7 +120,7 @@ def show(folder: Path, began: float) -> int:
     int
         0 when the last belief is right.
     """
-    from agent.figures import belief_panels
+    from agent.views.figures import belief_panels
 
     beliefs = read_beliefs(folder / "localization.out")[-1].beliefs
     times = [step.time for step in read_run(folder / "run.jsonl").steps]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from agent.figures.conepoint import nearest_point, sensor_point
+from agent.views.figures.conepoint import nearest_point, sensor_point
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import nearest_in_cone, sensor_distances
 from ciberrato.labfile import read_lab

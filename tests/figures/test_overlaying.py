@@ -6,7 +6,7 @@ import numpy as np
 
 from agent.offline.ground_truth import compute_ground_truth
 from agent.offline.localizer import localize
-from agent.overlaying import belief_overlay, live_belief_overlay, pose_overlay, show_overlays
+from agent.views.overlaying import belief_overlay, live_belief_overlay, pose_overlay, show_overlays
 from ciberrato.labfile import read_lab
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import decode_overlay

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from agent.cli import main
-from agent.logfollower import LogFollower
 from agent.offline.ground_truth import compute_ground_truth
 from agent.offline.localizer import localize
-from agent.watching import screen, watch
+from agent.views.logfollower import LogFollower
+from agent.views.watching import screen, watch
 from benchmarks.accuracy import ANGLES, drive
 from ciberrato.belieffile import write_beliefs
 from ciberrato.labfile import read_lab

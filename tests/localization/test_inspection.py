@@ -5,9 +5,9 @@ import io
 import numpy as np
 import pytest
 
-from agent.figures import belief_panels
-from agent.inspection import inspect
 from agent.offline.summary import heat_map, peak, step_table
+from agent.views.figures import belief_panels
+from agent.views.inspection import inspect
 from ciberrato.belieffile import write_beliefs
 from ciberrato.errors import UsageError
 from ciberrato.lab import Lab

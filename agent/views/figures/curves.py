@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.figures.canvas import LINE_COLOURS, TRUE_COLOUR, new_figure, save_figure
 from agent.offline.summary import Cell, normalized_entropy
+from agent.views.figures.canvas import LINE_COLOURS, TRUE_COLOUR, new_figure, save_figure
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.logfollower import follow
 from agent.offline.localization import ground_truth_of, localize_run
 from agent.offline.summary import peak
 from agent.offline.track import estimated_track
+from agent.views.logfollower import follow
 from ciberrato.lab import CELL_SIZE
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import GridBelief, OverlayMessage, PoseMark, Shape

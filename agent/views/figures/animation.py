@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.figures.beliefs import draw_belief, probability_scale
-from agent.figures.canvas import LINE_COLOURS, new_figure
-from agent.figures.conepoint import nearest_point, sensor_point
-from agent.figures.labmaps import draw_cone, draw_robot
 from agent.offline.summary import cell_name, normalized_entropy, peak
 from agent.offline.track import estimated_track
 from agent.offline.truthfile import TruePose
+from agent.views.figures.beliefs import draw_belief, probability_scale
+from agent.views.figures.canvas import LINE_COLOURS, new_figure
+from agent.views.figures.conepoint import nearest_point, sensor_point
+from agent.views.figures.labmaps import draw_cone, draw_robot
 from ciberrato.atomic import replace_file
 from ciberrato.errors import UsageError
 from ciberrato.geometry import WallMap

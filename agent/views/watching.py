@@ -11,9 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.logfollower import LogFollower, follow
 from agent.offline.localization import ground_truth_of, localize_run
 from agent.offline.summary import heat_map, step_table
+from agent.views.logfollower import LogFollower, follow
 from ciberrato.runrecords import RecordedRun
 
 if TYPE_CHECKING:

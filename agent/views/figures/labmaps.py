@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agent.figures.canvas import LINE_COLOURS, draw_walls, new_figure, save_figure, set_lab_axes
-from agent.figures.conepoint import nearest_point, sensor_point
 from agent.offline.summary import Cell, cell_name
+from agent.views.figures.canvas import LINE_COLOURS, draw_walls, new_figure, save_figure, set_lab_axes
+from agent.views.figures.conepoint import nearest_point, sensor_point
 from ciberrato.geometry import WallMap
 from ciberrato.infrared import HALF_APERTURE, ideal_reading
 from ciberrato.kinematics import ROBOT_RADIUS

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.figures.canvas import LINE_COLOURS, draw_walls, new_figure, save_figure, set_lab_axes
 from agent.offline.comparison import Comparison
+from agent.views.figures.canvas import LINE_COLOURS, draw_walls, new_figure, save_figure, set_lab_axes
 from ciberrato.lab import CELL_SIZE, Lab
 
 

@@ -82,7 +82,7 @@ def inspect(
     print("last step, probability in % (x to the right, y up, cell centres in units):", file=out)
     print(heat_map(last, width=width, colour=colour), file=out)
     if png is not None:
-        from agent.figures import belief_panels  # matplotlib takes a second to load
+        from agent.views.figures import belief_panels  # matplotlib takes a second to load
 
         belief_panels(runs[-1].beliefs, png, lab=lab, title=Path(path).name)
         print(f"figure: {png}", file=out)
