@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agent.signals import Interrupts
+from agent.run.signals import Interrupts
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

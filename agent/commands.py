@@ -19,12 +19,12 @@ from agent.optionparser import (
     check_output,
     read_lab_file,
 )
-from agent.reporter import PROGRAM, Reporter
+from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import CiberratoError, UsageError
 
 if TYPE_CHECKING:
-    from agent.session import Settings
-    from agent.signals import Interrupts
+    from agent.run.session import Settings
+    from agent.run.signals import Interrupts
 
 SHOW_COMMANDS = ("draw", "compare", "animate", "watch", "overlay")
 DEFAULT_MAP = "standard"
@@ -99,11 +99,11 @@ def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrupts) -> int:
     reporter = Reporter(quiet=settings.quiet)
     if not options.online and options.drive == ("right", None) and not options.smooth:
-        from agent.session import Session
+        from agent.run.session import Session
 
         return Session(settings, interrupts, reporter).run()
-    from agent.live_session import LiveSession, LiveSettings
     from agent.pose_filter.startprior import check_start, parse_start
+    from agent.run.live_session import LiveSession, LiveSettings
 
     check_start(parse_start(options.start), settings.lab)
     drive, goal = options.drive
@@ -131,7 +131,7 @@ def _inspect(options: argparse.Namespace) -> int:
 
 
 def _settings(options: argparse.Namespace) -> Settings:
-    from agent.session import Settings
+    from agent.run.session import Settings
     from ciberrato.net.address import parse_address
 
     host, port = parse_address(options.host)

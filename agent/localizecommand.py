@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from agent import optiontypes
 from agent.optionparser import PRESETS, OptionParser, add_output, add_precision, check_output, read_lab_file
-from agent.reporter import PROGRAM, Reporter
+from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
-    from agent.signals import Interrupts
+    from agent.run.signals import Interrupts
     from ciberrato.lab import Lab
     from ciberrato.runrecords import RecordedRun
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from agent import optiontypes
-from agent.reporter import Reporter
+from agent.run.reporter import Reporter
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:

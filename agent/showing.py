@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from agent import optiontypes
 from agent.optionparser import OptionParser, read_lab_file
-from agent.reporter import PROGRAM
+from agent.run.reporter import PROGRAM
 from ciberrato.errors import UsageError
 from ciberrato.lab import CELL_SIZE
 

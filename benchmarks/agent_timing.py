@@ -98,7 +98,9 @@ def to_registration() -> float:
 
 
 def to_handlers() -> float:
-    code = "import agent.signals as s, os; i = s.Interrupts(); i.install(); os.write(1, b'.'); os._exit(0)"
+    code = (
+        "import agent.run.signals as s, os; i = s.Interrupts(); i.install(); os.write(1, b'.'); os._exit(0)"
+    )
     start = time.perf_counter()
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
     return time.perf_counter() - start

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from agent import registration
-from agent.registration import register
-from agent.reporter import Reporter
-from agent.signals import Interrupts
+from agent.run import registration
+from agent.run.registration import register
+from agent.run.reporter import Reporter
+from agent.run.signals import Interrupts
 from ciberrato.errors import UsageError
 from ciberrato.net import LinkClosedError, LinkError, TcpLink, UdpLink
 from ciberrato.parameters import Parameters

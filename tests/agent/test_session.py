@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import agent.offline.ground_truth
-import agent.session
+import agent.run.session
 from agent.cli import main
 from ciberrato.belieffile import read_beliefs
 from ciberrato.errors import LabError
@@ -83,7 +83,7 @@ class Runner:
     ) -> tuple[int, ScriptedLink]:
         link = ScriptedLink([list(batch) for batch in batches])
         link.send_error = error
-        self._monkeypatch.setattr(agent.session, "_open_link", lambda settings: link)
+        self._monkeypatch.setattr(agent.run.session, "_open_link", lambda settings: link)
         return main(["--silence", "5", *options]), link
 
 

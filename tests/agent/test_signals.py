@@ -107,7 +107,7 @@ def agent(tmp_path: Path) -> Iterator[Callable[..., Agent]]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize(
     "place",
-    ["import:agent.commands", "import:argparse", "call:agent.commands:_settings", "import:agent.session"],
+    ["import:agent.commands", "import:argparse", "call:agent.commands:_settings", "import:agent.run.session"],
 )
 def test_before_there_is_anything_to_save_it_ends_at_once(
     agent: Callable[..., Agent], place: str, number: int
@@ -139,9 +139,9 @@ def test_while_no_simulator_answers(agent: Callable[..., Agent], count: int) -> 
 @pytest.mark.parametrize(
     "place",
     [
-        "call:agent.session:_open_link",
-        "call:agent.registration:_attempt",
-        "call:agent.registration:_find_answer",
+        "call:agent.run.session:_open_link",
+        "call:agent.run.registration:_attempt",
+        "call:agent.run.registration:_find_answer",
         "import:agent.control.controller",
         "call:ciberrato.runlog:RunWriter.__init__",
     ],
@@ -203,14 +203,14 @@ def test_before_the_worker_is_done(agent: Callable[..., Agent], fake_simulator: 
 
 
 FINISHING = [
-    "call:agent.session:Session._stop",
+    "call:agent.run.session:Session._stop",
     "import:agent.offline.localization",
     "call:agent.offline.localizer:localize",
     "call:ciberrato.atomic:replace_file",
     "call:os:fsync",
     "call:os:replace",
     "call:agent.offline.localization:print_localization",
-    "call:agent.signals:Interrupts.ignore",
+    "call:agent.run.signals:Interrupts.ignore",
 ]
 
 

@@ -11,8 +11,8 @@ import types
 
 import pytest
 
-from agent.live_controller import LiveController
 from agent.pose_filter.live import LiveFilter
+from agent.run.live_controller import LiveController
 from ciberrato.lab import Lab, Wall
 from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, RobotRegistration

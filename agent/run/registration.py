@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from agent.reporter import Reporter
-from agent.signals import Interrupts
+from agent.run.reporter import Reporter
+from agent.run.signals import Interrupts
 from ciberrato.errors import ProtocolError, UsageError
 from ciberrato.net.link import Link, LinkError
 from ciberrato.protocol import Acceptance, Refusal, RobotRegistration, decode_simulator_message, encode

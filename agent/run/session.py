@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from agent.control.phases import Phase
-from agent.registration import Answer, register
+from agent.run.registration import Answer, register
 from ciberrato.errors import ProtocolError, UsageError
 from ciberrato.net.link import Arrival, Link, LinkError
 from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
@@ -17,8 +17,8 @@ from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simu
 if TYPE_CHECKING:
     from agent.control.controller import Controller
     from agent.offline.ground_truth import GroundTruthWorker
-    from agent.reporter import Reporter
-    from agent.signals import Interrupts
+    from agent.run.reporter import Reporter
+    from agent.run.signals import Interrupts
     from ciberrato.lab import Lab
     from ciberrato.runlog import RunWriter
     from ciberrato.runrecords import Cycle, DistanceModel, Preset, RunHeader

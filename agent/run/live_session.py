@@ -8,15 +8,15 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from agent.session import Session, Settings
+from agent.run.session import Session, Settings
 
 if TYPE_CHECKING:
     from agent.control.controller import Controller
     from agent.drives.base import Drive
     from agent.pose_filter.live import LiveFilter
     from agent.pose_filter.worker import TableWorker
-    from agent.reporter import Reporter
-    from agent.signals import Interrupts
+    from agent.run.reporter import Reporter
+    from agent.run.signals import Interrupts
     from ciberrato.net.link import Link
     from ciberrato.runlog import RunWriter
     from ciberrato.runrecords import Cycle
@@ -101,9 +101,9 @@ class LiveSession(Session):
         import gc
 
         import agent.drives
-        import agent.live_controller
         import agent.offline.ground_truth
-        import agent.pose_filter.live  # noqa: F401
+        import agent.pose_filter.live
+        import agent.run.live_controller  # noqa: F401
         import ciberrato.runlog  # noqa: F401
         from agent.pose_filter import compiled
 
@@ -144,9 +144,9 @@ class LiveSession(Session):
         self._tables.start()
 
     def _make_controller(self) -> Controller:
-        from agent.live_controller import LiveController
         from agent.pose_filter.evidence import sensors_used
         from agent.pose_filter.live import LiveFilter
+        from agent.run.live_controller import LiveController
 
         assert self._header is not None
         assert self._tables is not None

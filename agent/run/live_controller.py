@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from agent.control.controller import Controller
 from agent.control.tracker import STANDSTILL, Command
-from agent.live_belief import BeliefLog
+from agent.run.live_belief import BeliefLog
 from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.runrecords import Cycle, RunHeader
 
