@@ -20,6 +20,17 @@ ALLOWED = {
     "examples": PACKAGES - {"benchmarks"},
     "benchmarks": PACKAGES,
 }
+# The agent's rooms, and which others each may import: inside functions and for type checkers, too.
+AGENT_ROOMS = {
+    "control": set(),
+    "pose_filter": set(),
+    "drives": {"pose_filter"},
+    "offline": {"control"},
+    "views": {"offline"},
+    "run": {"control", "drives", "offline", "pose_filter"},
+}
+# What is not in a room is the command line: it may import all rooms, and none imports it.
+COMMAND_LINE = {"cli", "commands", "localizecommand", "optionparser", "optiontypes", "showing"}
 # Slow to load: only inside the functions that use them.
 LAZY = {"scipy", "matplotlib", "numba"}
 # Compiled loops: these modules are themselves imported only where the extra `fast` is asked for.
@@ -30,14 +41,14 @@ def modules(package):
     return sorted((ROOT / package).rglob("*.py"))
 
 
-def imports(path, *, top_level_only=False):
-    """Names imported by a file, as dotted paths; what is for type checkers only does not count."""
+def imports(path, *, top_level_only=False, types=False):
+    """Names imported by a file, as dotted paths; `types`: those that are for type checkers only, too."""
     tree = ast.parse(path.read_text())
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
 
     def walk(node):
         for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test) and not types:
                 continue
             if top_level_only and isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
                 continue
@@ -68,6 +79,31 @@ def test_a_package_imports_only_what_stands_below_it(package):
         if name.split(".")[0] in PACKAGES - {package} - ALLOWED[package]
     ]
     assert not wrong
+
+
+def test_the_agents_rooms_are_known():
+    folders = {path.parent for path in modules("agent")} - {ROOT / "agent"}
+    assert {path.relative_to(ROOT / "agent").parts[0] for path in folders} == set(AGENT_ROOMS)
+    outside = {path.stem for path in (ROOT / "agent").glob("*.py")}
+    assert outside == COMMAND_LINE | {"__init__", "__main__"}
+
+
+@pytest.mark.parametrize("room", sorted(AGENT_ROOMS))
+def test_doors_between_the_agents_rooms_open_one_way(room):
+    allowed = {f"agent.{to}" for to in {room} | AGENT_ROOMS[room]}
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in modules(f"agent/{room}")
+        for name in imports(path, types=True)
+        if name.split(".")[0] == "agent" and ".".join(name.split(".")[:2]) not in allowed
+    ]
+    assert not wrong
+
+
+def test_the_agents_rooms_have_an_order():
+    import graphlib
+
+    assert set(graphlib.TopologicalSorter(AGENT_ROOMS).static_order()) == set(AGENT_ROOMS)
 
 
 def test_bayes_knows_nothing_of_ciberrato():

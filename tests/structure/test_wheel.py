@@ -38,6 +38,8 @@ def test_the_wheel_ships_the_packages_and_the_maps(tmp_path):
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names if ".dist-info" not in name}
     assert tops == {name for name in SHIPPED if (ROOT / name).is_dir()}
+    programs = {str(path.relative_to(ROOT)) for name in SHIPPED for path in (ROOT / name).rglob("*.py")}
+    assert {name for name in names if name.endswith(".py")} == programs
     assert {Path(name).name for name in names if name.startswith("maps/") and name.endswith(".xml")} == {
         path.name for path in (ROOT / "maps").glob("*.xml")
     }
