@@ -15,14 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.base import Command
-from agent.drives.cells import LEAST_ROOM, Beginning, Cell, CellGraph, Way, centre, join_cells, turning_cycles
+from agent.drives.cells import (
+    LEAST_ROOM,
+    Beginning,
+    Cell,
+    CellGraph,
+    Way,
+    centre,
+    find_stands,
+    join_cells,
+    turning_cycles,
+)
 from agent.drives.detour import clear_way, shortest_detour
 from agent.drives.safety import Bumper
 from agent.pose_filter.lattice import Lattice
 from agent.pose_filter.posefilter import PoseFilter
 from ciberrato.geometry import WallMap
 from ciberrato.kinematics import MAX_POWER, advance, filter_power
-from ciberrato.lab import Lab
+from ciberrato.lab import CELL_SIZE, Lab
 from ciberrato.protocol.messages import Measures
 
 Pose = tuple[float, float, float]
@@ -85,15 +95,11 @@ class CellDrive:
         self._enclosed = False
         self._seen: NDArray[np.float64] = np.zeros((0, 0))
 
-    @property
-    def cell(self) -> Cell | None:
-        """The cell that the robot is on its way to; None while it is not on any way."""
-        return self._way[-1].cell if self._way else None
-
     def _prepare(self, pose_filter: PoseFilter) -> None:
         lab: Lab = pose_filter.lab
         self._lattice = pose_filter.planning_tables.lattice
         self._graph: CellGraph = join_cells(self._lattice, lab.rows, lab.columns)
+        self._stands = find_stands(self._lattice, lab.columns)
         self._walls = WallMap.from_lab(lab)
         self._forget_visits()
 
@@ -194,11 +200,18 @@ class CellDrive:
             self._pause = _PAUSE
         if self._way:
             cell = self._way[0].cell
-            begin = int(self._begin[1] // 2.0), int(self._begin[0] // 2.0)
             if cell is not None:
-                self._barred[begin, cell] = self._tick + _BARRED_FOR
+                self._barred[_cell_of(*self._begin), cell] = self._tick + _BARRED_FOR
+            else:
+                self._give_up()
         self._way = []
         self._blocked = 0
+
+    def _give_up(self) -> None:
+        """Let the cell at the end of the way count as seen."""
+        cell = _cell_of(*self._way[-1][:2])
+        if cell in self._stands:
+            self._seen[cell] = self._tick
 
     def _closed(self, way: Way) -> bool:
         return self._barred.get(way, 0) > self._tick
@@ -210,7 +223,7 @@ class CellDrive:
         assert self._pose is not None
         x, y, heading = self._pose
         beginnings = []
-        here = int(y // 2.0), int(x // 2.0)
+        here = _cell_of(x, y)
         rows, columns = self._graph.free.shape
         for row in range(max(here[0] - 1, 0), min(here[0] + 2, rows)):
             for column in range(max(here[1] - 1, 0), min(here[1] + 2, columns)):
@@ -231,17 +244,23 @@ class CellDrive:
     def _plan(self, beginnings: Sequence[Beginning], place: tuple[float, float]) -> list[_Stop]:
         assert self._lattice is not None
         cells = self._graph.quickest(beginnings, self._seen, self._closed)
-        if not cells or self._seen[cells[-1]] > -math.inf:
-            unseen = np.argwhere(self._graph.free & (self._seen == -math.inf))
-            wanted = unseen if beginnings else np.argwhere(self._graph.free)
-            if not (beginnings and self._enclosed):
-                ends = [centre((int(row), int(column))) for row, column in wanted]
-                detour = shortest_detour(self._lattice, self._walls, place, ends, LEAST_ROOM)
-                if detour:
-                    goal = int(detour[-1][1] // 2.0), int(detour[-1][0] // 2.0)
-                    return [*(_Stop(*corner, None) for corner in detour[:-1]), _Stop(*detour[-1], goal)]
-                self._enclosed = bool(beginnings)
+        if cells and self._seen[cells[-1]] == -math.inf:
+            return [_Stop(*centre(cell), cell) for cell in cells]
+        # Nothing new can be reached from centre to centre.
+        if not (beginnings and self._enclosed):
+            detour = shortest_detour(self._lattice, self._walls, place, self._ends(beginnings), LEAST_ROOM)
+            if detour:
+                goal = _cell_of(*detour[-1])
+                last = _Stop(*detour[-1], goal if detour[-1] == centre(goal) else None)
+                return [*(_Stop(*corner, None) for corner in detour[:-1]), last]
+            self._enclosed = bool(beginnings)
         return [_Stop(*centre(cell), cell) for cell in cells]
+
+    def _ends(self, beginnings: Sequence[Beginning]) -> list[tuple[float, float]]:
+        """List where a detour may end: in cells not seen yet, or, far from all centres, at any centre."""
+        if beginnings:
+            return [stand for cell, stand in self._stands.items() if self._seen[cell] == -math.inf]
+        return [centre((int(row), int(column))) for row, column in np.argwhere(self._graph.free)]
 
     def _extend(self) -> None:
         """Plan on from the last place of the way, in time to go straight on there."""
@@ -279,7 +298,11 @@ class CellDrive:
             if len(self._way) == 1:
                 self._extend()
             if len(self._way) == 1:
-                break
+                if left - way > _THERE:
+                    break
+                self._give_up()
+                self._way = []
+                return 0.0, 0.0
             following = self._way[1]
             onwards = math.atan2(following.y - stop.y, following.x - stop.x)
             straight = abs(math.remainder(onwards - direction, 2.0 * math.pi)) < 0.05
@@ -317,3 +340,7 @@ class CellDrive:
         rate = min(max(rate, -0.1), 0.1)
         power = max(min(power, MAX_POWER - abs(rate) / 2.0), -0.05)
         return power - rate / 2.0, power + rate / 2.0
+
+
+def _cell_of(x: float, y: float) -> Cell:
+    return int(y // CELL_SIZE), int(x // CELL_SIZE)

@@ -29,7 +29,7 @@ LEAST_ROOM = ROBOT_RADIUS + 0.09
 STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
 """Of row and column, to the east, north, west and south: at headings of 0, 90, 180 and 270 degrees."""
 _TURN_RATE = 2.0 * MAX_POWER  # radians a cycle
-_TURN_OVERHEAD = 5.0
+_TURN_OVERHEAD = 3.5
 """Cycles that braking, setting out, and what the wheels run on take when the robot turns in place."""
 _STRAGGLER = 6.0
 """Cycles that it is worth to take a cell along that has no neighbour left to be seen."""
@@ -157,6 +157,32 @@ def join_cells(lattice: Lattice, rows: int, columns: int, room: float = LEAST_RO
         joined[..., direction] = ways.min(axis=-1) >= room
     joined[:, -1:, 0] = joined[-1:, :, 1] = joined[:, :1, 2] = joined[:1, :, 3] = False
     return CellGraph(free=clearance(lattice, x, y) >= room, joined=joined)
+
+
+def find_stands(lattice: Lattice, columns: int, room: float = LEAST_ROOM) -> dict[Cell, tuple[float, float]]:
+    """Find where in each cell the robot can stand: as near to the centre as there is room.
+
+    Parameters
+    ----------
+    lattice : Lattice
+    columns : int
+        Of the lab.
+    room : float
+        Units from walls.
+
+    Returns
+    -------
+    dict
+        From cells to nodes of the lattice (x, y in units); cells without room are left out.
+    """
+    roomy = np.flatnonzero(lattice.clearance >= room)
+    row, column = np.divmod(lattice.cell[roomy], columns)
+    x, y = lattice.x[roomy], lattice.y[roomy]
+    away = np.hypot(x - (column + 0.5) * CELL_SIZE, y - (row + 0.5) * CELL_SIZE)
+    stands: dict[Cell, tuple[float, float]] = {}
+    for k in np.argsort(away, kind="stable"):
+        stands.setdefault((int(row[k]), int(column[k])), (float(x[k]), float(y[k])))
+    return stands
 
 
 def centre(cell: Cell) -> tuple[float, float]:
