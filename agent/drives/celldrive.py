@@ -48,9 +48,12 @@ _THERE = 0.05
 _ALIGNED = math.radians(4.0)
 _ASTRAY = math.radians(25.0)
 _OFF_LINE = 0.4
-_JUMP = 0.4  # units between dead reckoning and estimate
+_DRIFT = 0.4  # units between estimate and dead reckoning over a leg
+_DRIFT_TURN = math.radians(30.0)
 _BLOCKED_FOR = 4  # cycles
+_LONGEST_TURN = 22  # cycles; half a turn takes 13
 _BARRED_FOR = 200
+_SHORT_TIME = 60
 _BACK_OFF = 3
 _BACKWARDS: Command = (-0.1, -0.1)
 _PAUSE = 30
@@ -85,12 +88,14 @@ class CellDrive:
         self._known = self._unknown = 0
         self._restarts = 0
         self._pose: Pose | None = None
+        self._reckoned: Pose | None = None
+        """The pose by dead reckoning since the leg began."""
         self._wheels: Command = (0.0, 0.0)
-        self._last: Command = (0.0, 0.0)
         self._begin: tuple[float, float] = (0.0, 0.0)
         self._way: list[_Stop] = []
         self._turning = False
-        self._blocked = self._backing = self._pause = 0
+        self._blocked = self._backing = self._pause = self._turned = 0
+        self._failed = -_SHORT_TIME
         self._barred: dict[Way, int] = {}
         self._enclosed = False
         self._seen: NDArray[np.float64] = np.zeros((0, 0))
@@ -128,6 +133,10 @@ class CellDrive:
         else:
             left, right = (filter_power(c, w) for c, w in zip(last, self._wheels, strict=True))
             self._wheels = left, right
+        if last is None or measures.collision:
+            self._reckoned = None  # it did not move as the commands say
+        elif self._reckoned is not None:
+            self._reckoned = advance(*self._reckoned, *self._wheels)
         found = pose_filter.estimate()
         if len(pose_filter.restarts) > self._restarts:
             self._restarts = len(pose_filter.restarts)
@@ -153,14 +162,18 @@ class CellDrive:
             self._seen[row, column] = self._tick
 
     def _take_pose(self, pose: Pose) -> None:
-        if self._pose is not None:
-            x, y, _ = advance(*self._pose, *self._wheels)
-            if math.hypot(x - pose[0], y - pose[1]) > _JUMP:
-                self._way = []
+        """Take over an estimate; one that does not move as the wheels do is not to be trusted for a while."""
+        if self._pose is None or self._reckoned is None:
+            self._reckoned = pose
+        x, y, heading = self._reckoned
+        turned = abs(math.remainder(heading - pose[2], 2.0 * math.pi))
+        if math.hypot(x - pose[0], y - pose[1]) > _DRIFT or turned > _DRIFT_TURN:
+            self._pause = _PAUSE
+            self._reckoned = None
         self._pose = pose
 
     def _lose(self) -> None:
-        self._pose, self._way = None, []
+        self._pose, self._reckoned, self._way = None, None, []
 
     def decide(self, measures: Measures) -> Command | None:
         """Decide what to do.
@@ -177,7 +190,7 @@ class CellDrive:
         """
         if self._pose is None or self._pause > 0:
             self._pause = max(self._pause - 1, 0)
-            self._way = []
+            self._way, self._reckoned = [], None
             return None
         if measures.collision and self._backing == 0 and sum(self._wheels) >= 0.0:
             self._backing = _BACK_OFF
@@ -196,8 +209,9 @@ class CellDrive:
 
     def _fail(self) -> None:
         """Bar the way that the robot was on; after two failures in short time leave it to others."""
-        if any(until > self._tick + _BARRED_FOR - 50 for until in self._barred.values()):
+        if self._tick - self._failed < _SHORT_TIME:
             self._pause = _PAUSE
+        self._failed = self._tick
         if self._way:
             cell = self._way[0].cell
             if cell is not None:
@@ -278,8 +292,9 @@ class CellDrive:
 
     def _start_leg(self, begin: tuple[float, float]) -> None:
         self._begin = begin
+        self._reckoned = self._pose
         self._turning = True
-        self._blocked = 0
+        self._blocked = self._turned = 0
 
     def _follow(self) -> Command | None:
         """Give the command for the leg that the robot is on; None if something is in the way."""
@@ -325,6 +340,9 @@ class CellDrive:
             # What the wheels run on by is part of the way to come.
             self._turning = abs(turn - turned) > _ALIGNED
             if self._turning:
+                self._turned += 1
+                if self._turned > _LONGEST_TURN:
+                    return None
                 rate = min(max(turn - turned, -2.0 * MAX_POWER), 2.0 * MAX_POWER)
                 off = self._bumper.retreat
                 return off - rate / 2.0, off + rate / 2.0
