@@ -27,7 +27,8 @@ from agent.drives.cells import (
     turning_cycles,
 )
 from agent.drives.detour import clear_way, shortest_detour
-from agent.drives.safety import Bumper
+from agent.drives.outlook import SAFE_CLEARANCE
+from agent.drives.safety import STOP_SHORT, Bumper
 from agent.pose_filter.lattice import Lattice
 from agent.pose_filter.posefilter import PoseFilter
 from ciberrato.geometry import WallMap
@@ -45,6 +46,8 @@ _NEAR = 2.3  # units within which a cell's centre may be the first
 _AHEAD = 0.45
 """Units before a centre at which the robot must know whether it goes straight on."""
 _THERE = 0.05
+_NEAR_ENOUGH = 0.3
+"""Units before a place at which the robot is there, if it can get no nearer."""
 _ALIGNED = math.radians(4.0)
 _ASTRAY = math.radians(25.0)
 _OFF_LINE = 0.4
@@ -54,6 +57,9 @@ _BLOCKED_FOR = 4  # cycles
 _LONGEST_TURN = 22  # cycles; half a turn takes 13
 _BARRED_FOR = 200
 _SHORT_TIME = 60
+_IN_THE_WAY = 2.4
+"""Reading ahead from which on all of the cone is in the robot's way."""
+_REMEMBERED = 8  # cycles
 _BACK_OFF = 3
 _BACKWARDS: Command = (-0.1, -0.1)
 _PAUSE = 30
@@ -96,8 +102,9 @@ class CellDrive:
         self._turning = False
         self._blocked = self._backing = self._pause = self._turned = 0
         self._failed = -_SHORT_TIME
+        self._clear, self._clear_until = math.inf, 0
         self._barred: dict[Way, int] = {}
-        self._enclosed = False
+        self._enclosed = self._beyond = False
         self._seen: NDArray[np.float64] = np.zeros((0, 0))
 
     def _prepare(self, pose_filter: PoseFilter) -> None:
@@ -110,7 +117,7 @@ class CellDrive:
 
     def _forget_visits(self) -> None:
         self._seen = np.full(self._graph.free.shape, -math.inf)
-        self._enclosed = False
+        self._enclosed = self._beyond = False
         self._barred.clear()
 
     # --- every cycle ------------------------------------------------------------------------------------
@@ -159,6 +166,8 @@ class CellDrive:
             self._take_pose((found.x, found.y, found.heading))
         row, column = found.cell
         if 0 <= row < self._seen.shape[0] and 0 <= column < self._seen.shape[1]:
+            if self._seen[row, column] == -math.inf:
+                self._enclosed = self._beyond = False
             self._seen[row, column] = self._tick
 
     def _take_pose(self, pose: Pose) -> None:
@@ -168,7 +177,7 @@ class CellDrive:
         x, y, heading = self._reckoned
         turned = abs(math.remainder(heading - pose[2], 2.0 * math.pi))
         if math.hypot(x - pose[0], y - pose[1]) > _DRIFT or turned > _DRIFT_TURN:
-            self._pause = _PAUSE
+            self._pause = 2 * _PAUSE
             self._reckoned = None
         self._pose = pose
 
@@ -215,7 +224,10 @@ class CellDrive:
         if self._way:
             cell = self._way[0].cell
             if cell is not None:
-                self._barred[_cell_of(*self._begin), cell] = self._tick + _BARRED_FOR
+                until = self._tick + _BARRED_FOR
+                self._barred[_cell_of(*self._begin), cell] = until
+                if self._pose is not None:
+                    self._barred[_cell_of(*self._pose[:2]), cell] = until
             else:
                 self._give_up()
         self._way = []
@@ -268,6 +280,9 @@ class CellDrive:
                 last = _Stop(*detour[-1], goal if detour[-1] == centre(goal) else None)
                 return [*(_Stop(*corner, None) for corner in detour[:-1]), last]
             self._enclosed = bool(beginnings)
+            self._beyond = self._enclosed and bool(
+                shortest_detour(self._lattice, self._walls, place, self._ends(beginnings), SAFE_CLEARANCE)
+            )
         return [_Stop(*centre(cell), cell) for cell in cells]
 
     def _ends(self, beginnings: Sequence[Beginning]) -> list[tuple[float, float]]:
@@ -279,7 +294,7 @@ class CellDrive:
     def _extend(self) -> None:
         """Plan on from the last place of the way, in time to go straight on there."""
         last = self._way[-1]
-        if last.cell is None:
+        if last.cell is None or self._beyond:
             return
         self._seen[last.cell] = self._tick
         on = self._plan([Beginning(last.cell, 0.0, self._direction(last))], last[:2])
@@ -293,6 +308,7 @@ class CellDrive:
     def _start_leg(self, begin: tuple[float, float]) -> None:
         self._begin = begin
         self._reckoned = self._pose
+        self._clear_until = 0
         self._turning = True
         self._blocked = self._turned = 0
 
@@ -310,18 +326,21 @@ class CellDrive:
             left = (stop.x - x) * cosine + (stop.y - y) * sine
             if left > _AHEAD:
                 break
+            there = left - way <= _THERE or (self._blocked > _BLOCKED_FOR and left <= _NEAR_ENOUGH)
             if len(self._way) == 1:
                 self._extend()
             if len(self._way) == 1:
-                if left - way > _THERE:
+                if not there:
                     break
                 self._give_up()
                 self._way = []
+                # Free legs may get through where there is less room than a detour asks for.
+                self._pause = _PAUSE if self._beyond else 0
                 return 0.0, 0.0
             following = self._way[1]
             onwards = math.atan2(following.y - stop.y, following.x - stop.x)
             straight = abs(math.remainder(onwards - direction, 2.0 * math.pi)) < 0.05
-            if not straight and left - way > _THERE:
+            if not straight and not there:
                 break
             self._way.pop(0)
             turning = self._turning
@@ -346,10 +365,11 @@ class CellDrive:
                 rate = min(max(turn - turned, -2.0 * MAX_POWER), 2.0 * MAX_POWER)
                 off = self._bumper.retreat
                 return off - rate / 2.0, off + rate / 2.0
-        power = min(self._speed, left - way, self._bumper.limit)
-        if power < 0.01 and left > 0.3:
+        power = min(self._speed, left - way, self._limit(way))
+        if power < 0.01:
             self._blocked += 1
-            if self._blocked > _BLOCKED_FOR:
+            if self._blocked > _BLOCKED_FOR and left > _NEAR_ENOUGH:
+                self._backing = _BACK_OFF  # a turn in place needs room
                 return None
         else:
             self._blocked = 0
@@ -358,6 +378,15 @@ class CellDrive:
         rate = min(max(rate, -0.1), 0.1)
         power = max(min(power, MAX_POWER - abs(rate) / 2.0), -0.05)
         return power - rate / 2.0, power + rate / 2.0
+
+    def _limit(self, way: float) -> float:
+        """Give the fastest safe command; what was so near ahead is there still when it leaves the cone."""
+        remembered = self._clear - way if self._tick < self._clear_until else math.inf
+        if self._bumper.ahead > _IN_THE_WAY:
+            self._clear_until = self._tick + _REMEMBERED
+            remembered = min(remembered, 1.0 / self._bumper.ahead)
+        self._clear = remembered
+        return min(self._bumper.limit(way), max(remembered - STOP_SHORT - way, 0.0))
 
 
 def _cell_of(x: float, y: float) -> Cell:

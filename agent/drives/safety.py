@@ -18,7 +18,7 @@ _CREEP = 0.25  # and between walls that are very near
 _MOST_STEER = 0.03
 _TOUCHING = 12.0  # reading ahead or behind from which on a turn in place is not safe
 _RETREAT = 0.015
-_STOP_SHORT = 0.08  # units
+STOP_SHORT = 0.12  # units
 
 
 class Bumper:
@@ -97,13 +97,23 @@ class Bumper:
             beside = min(beside, _SLOWEST)
         return min(_SLOWEST + (1.0 - _SLOWEST) * ahead if ahead > 0.0 else 0.0, beside)
 
-    @property
-    def limit(self) -> float:
-        """Fastest command, in units a cycle, from which the robot still stops before what is ahead."""
-        room = 1.0 / max(self.ahead, 1e-3) - _STOP_SHORT
+    def limit(self, way: float) -> float:
+        """Give the fastest command from which the robot still stops before what is ahead.
+
+        Parameters
+        ----------
+        way : float
+            Units by which the wheels run on.
+
+        Returns
+        -------
+        float
+            Units a cycle, not below 0.
+        """
+        room = 1.0 / max(self.ahead, 1e-3) - STOP_SHORT
         sides = max(self.left, self.right)
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
-        return min(max(room / 2.0, 0.0), beside * MAX_POWER)
+        return min(max(room - way, 0.0), beside * MAX_POWER)
 
     @property
     def open(self) -> bool:
