@@ -277,7 +277,7 @@ class CellDrive:
             detour = shortest_detour(self._lattice, self._walls, place, self._ends(beginnings), LEAST_ROOM)
             if detour:
                 goal = _cell_of(*detour[-1])
-                last = _Stop(*detour[-1], goal if detour[-1] == centre(goal) else None)
+                last = _Stop(*detour[-1], goal if math.dist(detour[-1], centre(goal)) < _THERE else None)
                 return [*(_Stop(*corner, None) for corner in detour[:-1]), last]
             self._enclosed = bool(beginnings)
             self._beyond = self._enclosed and bool(
