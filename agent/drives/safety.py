@@ -90,12 +90,14 @@ class Bumper:
     def speed(self) -> float:
         """Fraction of the cruising speed that is safe, from 0 to 1."""
         ahead = min(max((_HALT - self.ahead) / (_HALT - _SLOW), 0.0), 1.0)
+        return min(_SLOWEST + (1.0 - _SLOWEST) * ahead if ahead > 0.0 else 0.0, self._beside_speed)
+
+    @property
+    def _beside_speed(self) -> float:
         sides = max(self.left, self.right)
         # A wall that the robot touches with its side is no reason to stay there for ever.
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
-        if self._closing > _CLOSING:
-            beside = min(beside, _SLOWEST)
-        return min(_SLOWEST + (1.0 - _SLOWEST) * ahead if ahead > 0.0 else 0.0, beside)
+        return min(beside, _SLOWEST) if self._closing > _CLOSING else beside
 
     def limit(self, way: float) -> float:
         """Give the fastest command from which the robot still stops before what is ahead.
@@ -111,9 +113,7 @@ class Bumper:
             Units a cycle, not below 0.
         """
         room = 1.0 / max(self.ahead, 1e-3) - STOP_SHORT
-        sides = max(self.left, self.right)
-        beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
-        return min(max(room - way, 0.0), beside * MAX_POWER)
+        return min(max(room - way, 0.0), self._beside_speed * MAX_POWER)
 
     @property
     def open(self) -> bool:
