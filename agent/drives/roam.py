@@ -40,6 +40,9 @@ _PROGRESS = 0.15
 _BARRED = math.radians(40.0)
 """To both sides of the direction of a failed leg, where no other is tried until the robot has moved on."""
 _MOST_FAILURES = 6
+_ALL_ROUND = np.deg2rad(np.arange(0.0, 360.0, 15.0))
+_BLIND_AFTER = 4
+"""Failed legs in a row after which IR alone decides: where every way is risky, the belief is wrong."""
 
 
 class LegPhase(StrEnum):
@@ -66,8 +69,10 @@ class Barred:
         self._turned += angle
 
     def add(self) -> None:
-        """Bar the direction that the robot faces."""
+        """Bar the direction that the robot faces; if none is left open by that, only this one."""
         self._headings.append(self._turned)
+        if all(self._bars(turn) for turn in _ALL_ROUND.tolist()):
+            self._headings = deque([self._turned], maxlen=_MOST_FAILURES)
 
     def clear(self) -> None:
         """Forget everything: the robot is elsewhere."""
@@ -86,11 +91,14 @@ class Barred:
         -------
         array of bool, same shape
         """
-        closed = np.abs(turns) < bumper.closed
-        for heading in self._headings:
-            away = (turns + self._turned - heading + math.pi) % (2.0 * math.pi) - math.pi
-            closed |= np.abs(away) < _BARRED
-        return np.asarray(closed)
+        barred = np.array([self._bars(turn) for turn in np.asarray(turns).tolist()], np.bool_)
+        return np.asarray(barred | (np.abs(turns) < bumper.closed))
+
+    def _bars(self, turn: float) -> bool:
+        return any(
+            abs(math.remainder(turn + self._turned - heading, 2.0 * math.pi)) < _BARRED
+            for heading in self._headings
+        )
 
 
 Closed = Callable[[Floats], NDArray[np.bool_]]
@@ -125,6 +133,7 @@ class Roamer:
         self._bend = 0.0
         self._backing = 0
         self._barred = Barred()
+        self._failures = 0
         self._wheels: Command = (0.0, 0.0)
         self._last: Command = (0.0, 0.0)
         self.legs: deque[tuple[float, float]] = deque(maxlen=16)
@@ -177,6 +186,7 @@ class Roamer:
             self._driven += (right + left) / 2.0
             if self._driven > _PROGRESS:
                 self._barred.clear()
+                self._failures = 0
 
     def _next(self, measures: Measures, pose_filter: PoseFilter) -> Command:
         if measures.collision and self.phase is LegPhase.DRIVING:
@@ -193,6 +203,7 @@ class Roamer:
                 return command
             if self._driven <= _PROGRESS:
                 self._barred.add()
+                self._failures += 1
             self.phase = LegPhase.CHOOSING
         if self.phase is LegPhase.CHOOSING:
             self._begin_leg(pose_filter)
@@ -238,7 +249,8 @@ class Roamer:
             near, _ = arc_clearances(lattice, draw(pose_filter.belief, 64), _CURVATURES[best : best + 1], 0.3)
             risky = (near < SAFE_CLEARANCE).mean() > _MOST_RISK
             # Where the sensors see nothing near there is nothing, whatever the belief says.
-            if risky and not self._bumper.open and not self._lost(pose_filter):
+            blind = self._failures >= _BLIND_AFTER or self._lost(pose_filter)
+            if risky and not self._bumper.open and not blind:
                 return None
             power *= 0.5
         elif self._bumper.open:

@@ -1,9 +1,10 @@
-"""Doubts about a certain belief: now and then a second filter begins anew, and the poses are compared.
+"""Doubts about a belief: now and then a second filter begins anew, and the poses are compared.
 
 A filter that has lost its robot may fit what is sensed better than an average place would, and never
-notice. So while a belief is certain, a challenger starts from all poses on the coarse lattice. If it
-comes to be certain of another pose, both poses are held against everything that is sensed from then on,
-by the exact sensor model, until one is refuted. The true pose does not lose such a duel.
+notice; it need not even be certain of its wrong poses. So every now and then a challenger starts from all
+poses on the coarse lattice. If it finds a pose that the champion does not have, that one and the champion's
+are held against everything that is sensed from then on, by the exact sensor model, until one is refuted. The
+true pose does not lose such a duel.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import math
 
 import numpy as np
 
-from agent.pose_filter.estimate import PoseEstimate
+from agent.pose_filter.belief import PoseBelief
+from agent.pose_filter.estimate import PoseEstimate, probability_near
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.records import FilterStep
 from agent.pose_filter.symmetry import PoseScore
@@ -24,6 +26,8 @@ _DECIDED = 6.0
 _SAME_PLACE = 0.7
 _SAME_HEADING = math.radians(20.0)
 _LIKELY = 0.2
+_EXCLUDED = 0.02
+"""Probability below which a champion that is not certain does not have a pose."""
 
 
 class Duel:
@@ -43,7 +47,7 @@ class Duel:
         self.evidence = 0.0
         """For the challenger, as a natural logarithm."""
 
-    def judge(self, champion: PoseEstimate, step: FilterStep) -> bool | None:
+    def judge(self, champion: PoseEstimate, step: FilterStep, belief: PoseBelief) -> bool | None:
         """Compare both poses with what was sensed.
 
         Parameters
@@ -51,6 +55,8 @@ class Duel:
         champion : PoseEstimate
         step : FilterStep
             The champion's, of the message that both have taken in.
+        belief : PoseBelief
+            The champion's.
 
         Returns
         -------
@@ -68,6 +74,8 @@ class Duel:
         turn = abs(math.remainder(found.heading - champion.heading, 2.0 * math.pi))
         if math.hypot(found.x - champion.x, found.y - champion.y) < _SAME_PLACE and turn < _SAME_HEADING:
             return False
+        if not champion.certain and probability_near(belief, found.x, found.y, found.heading) > _EXCLUDED:
+            return None
         poses = np.array(
             [(champion.x, champion.y, champion.heading), (found.x, found.y, found.heading)], np.float64
         )

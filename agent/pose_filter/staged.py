@@ -104,7 +104,7 @@ class StagedFilter(PoseFilter):
         if self.last_step is None or not self.last_step.motions:
             return
         if self._duel is None:
-            if super().estimate().certain:
+            if self.belief.dense is None:
                 self._waited += 1
             if self._waited < PERIOD or self._lag > 0:
                 return
@@ -113,7 +113,7 @@ class StagedFilter(PoseFilter):
             challenger.take_over_odometry(wheels, time)
             self._duel = Duel(challenger, self._score)
         self._duel.challenger.observe(measures, command)
-        won = self._duel.judge(super().estimate(), self.last_step)
+        won = self._duel.judge(super().estimate(), self.last_step, self.belief)
         if won is None:
             return
         challenger, self._duel = self._duel.challenger, None

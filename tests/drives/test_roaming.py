@@ -85,6 +85,30 @@ def test_a_wrong_belief_does_not_hold_the_robot(room: Lab, tables: PoseTables) -
     assert collisions == 0
 
 
+@pytest.mark.parametrize("start", [(0.65, 0.65, 120.0), (0.75, 0.56, 0.0)])
+def test_a_wrong_belief_does_not_hold_the_robot_in_a_corner(
+    room: Lab, tables: PoseTables, start: tuple[float, float, float]
+) -> None:
+    # Not in the open, and no way is free by the belief, whatever the turn: IR alone decides in the end.
+    believed = (7.4, 3.4, 0.0) if start[2] else (3.4, 0.6, 0.0)
+    poses, collisions = drive(room, tables, start, "explore", 120, QUIET, believed=believed)
+    assert np.hypot(poses[:, 0] - start[0], poses[:, 1] - start[1]).max() > 0.8
+    assert collisions == 0
+
+
+def test_directions_are_never_all_barred() -> None:
+    bumper = Bumper(ANGLES, 0.1)
+    bumper.observe((0.5, 0.5, 0.5, 0.5))
+    turns = np.deg2rad(np.arange(0.0, 360.0, 15.0))
+    barred = Barred()
+    for _ in range(20):
+        barred.add()
+        closed = barred.closed(turns, bumper)
+        assert closed[0]
+        assert not closed.all()
+        barred.turn(math.radians(70.0))
+
+
 def test_a_failed_direction_is_barred_until_the_robot_has_moved_on() -> None:
     bumper = Bumper(ANGLES, 0.1)
     bumper.observe((0.5, 0.5, 0.5, 0.5))

@@ -247,3 +247,20 @@ def test_a_claim_in_a_lab_that_looks_the_same_turned_round_is_shared_with_its_im
     assert shares[0] == pytest.approx(1.0 / 3.0, abs=0.02)
     assert shares[1] > 0.99
     assert shares[2] == pytest.approx(0.5, abs=0.02)  # one image is refuted by its missing block
+
+
+def test_a_filter_that_is_lost_and_not_certain_of_anything_recovers(small_lab, staged):
+    run = Run(small_lab, staged, (3.0, 1.0, 0.0))
+    for _ in range(40):
+        run.step()
+    # Four headings in a corner where the robot is not, and readings that rule out none for good.
+    far = np.flatnonzero(np.hypot(staged.tables.lattice.x - 1.0, staged.tables.lattice.y - 5.0) < 0.3)
+    staged.belief.set_states(np.repeat(np.arange(0, 72, 18), len(far)), np.tile(far, 4))
+    staged.settings = staged._fine_settings = dataclasses.replace(staged.settings, alarm=1e9)
+    for _ in range(400):
+        pose = run.step()
+    assert staged.restarts
+    assert staged.estimate().certain
+    place, turn = run.errors(pose)
+    assert place < 0.2
+    assert turn < 5.0
