@@ -23,11 +23,10 @@ from agent.pose_filter.live import Input
 from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.records import FilterSettings, FilterStep
 from agent.pose_filter.tables import PoseTables
-from ciberrato.lab import Lab
+from ciberrato.lab import CELL_SIZE, Lab
 from ciberrato.parameters import Parameters
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _LEAST = 1e-9
 
@@ -42,7 +41,6 @@ class _Moment:
     y: Floats
     heading: Floats
     weight: Floats
-    square: Indices
 
 
 def cell_beliefs(
@@ -78,7 +76,7 @@ def cell_beliefs(
         Marginals over heading and place in the cell; row 0 is the bottom row. Each sums to 1.
     """
     forward = PoseFilter(lab, tables, parameters, settings, start=start)
-    prior = _cells(lab, tables, np.arange(tables.lattice.size), forward.belief.square_weights())
+    prior = _cells(lab, tables.lattice.x, tables.lattice.y, forward.belief.square_weights())
     moments: list[_Moment] = []
     restarts: list[int] = []
     for measures, command in history:
@@ -91,7 +89,7 @@ def cell_beliefs(
         moments.append(_moment(forward))
     if not moments:
         return prior[np.newaxis]
-    blocks = [_cells(lab, tables, moment.square, moment.weight) for moment in moments]
+    blocks = [_cells(lab, moment.x, moment.y, moment.weight) for moment in moments]
     found = [moment.estimate for moment in moments]
     if smooth:
         first = restarts[-1] if restarts else 0
@@ -103,7 +101,7 @@ def cell_beliefs(
             weight = moment.weight * _look_up(backward.belief, moment.x, moment.y, moment.heading)
             if weight.sum() > 0.0:
                 weight /= weight.sum()
-                blocks[number] = _cells(lab, tables, moment.square, weight)
+                blocks[number] = _cells(lab, moment.x, moment.y, weight)
                 found[number] = _at(moment, weight, lab)
             backward.update(moment.step)
             for motion in reversed(moment.step.motions):
@@ -136,7 +134,6 @@ def _moment(pose_filter: PoseFilter) -> _Moment:
         y=belief.lattice.y[squares] + belief.offset[bins, 1],
         heading=belief.headings()[bins],
         weight=weights / weights.sum(),
-        square=squares,
     )
 
 
@@ -167,6 +164,9 @@ def _at(moment: _Moment, weight: Floats, lab: Lab) -> PoseEstimate:
     return PoseEstimate(x=x, y=y, heading=float(moment.heading[peak]), probability=total, cell=cell)
 
 
-def _cells(lab: Lab, tables: PoseTables, squares: Indices, weights: Floats) -> Floats:
-    cells = np.bincount(tables.lattice.cell[squares], weights, lab.rows * lab.columns)
+def _cells(lab: Lab, x: Floats, y: Floats, weights: Floats) -> Floats:
+    """Sum up weights by the cell that each place is in."""
+    column = np.clip((x // CELL_SIZE).astype(np.int64), 0, lab.columns - 1)
+    row = np.clip((y // CELL_SIZE).astype(np.int64), 0, lab.rows - 1)
+    cells = np.bincount(row * lab.columns + column, weights, lab.rows * lab.columns)
     return np.asarray(cells.reshape(lab.rows, lab.columns) / cells.sum())
