@@ -143,6 +143,7 @@ def test_every_cell_is_visited_and_nothing_touched(
         assert len(beliefs) > 12
         for block, (left, cell) in zip(beliefs, itertools.pairwise(entered), strict=True):
             assert block[left] + block[cell] > 0.9
+            assert block[cell] > 0.2
 
 
 class FreeLegs:
