@@ -170,7 +170,9 @@ def _run(
             pose = simulation.poses()[0]
             readings.append(cycle.readings or (None,) * len(RIGHT_ANGLES))
             beliefs.append(_cells(pose_filter, lab))
-            cells.append((int(pose[1] // CELL_SIZE), int(pose[0] // CELL_SIZE)))
+            # A strip that is too narrow for cells of its own belongs to the last ones.
+            row, column = int(pose[1] // CELL_SIZE), int(pose[0] // CELL_SIZE)
+            cells.append((min(row, lab.rows - 1), min(column, lab.columns - 1)))
         command = (0.0, 0.0) if actions is None else (actions.left_motor or 0.0, actions.right_motor or 0.0)
         measures = simulation.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
     published = localize(readings, truth, preset="seed").beliefs[1:]

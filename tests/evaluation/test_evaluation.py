@@ -317,6 +317,13 @@ def test_the_filter_is_held_against_the_published_method(lab_file, capsys):
     assert lines[-1].startswith("The pose filter is worse in ")
 
 
+def test_a_strip_beside_the_cells_belongs_to_the_last_ones(tmp_path, capsys):
+    path = tmp_path / "odd.xml"
+    path.write_text('<Lab Name="odd" Width="7.5" Height="2"><Beacon X="1" Y="1" Height="4"/></Lab>')
+    assert main(["--published", "--lab", str(path), "--resolution", "0.5", "--seeds", "3"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) > 1
+
+
 def test_worse_is_said_where_it_is_so():
     def compared(published, ours):
         return Compared(Order("a", 0.1, 1), ((Step(0, published, ours),),))
