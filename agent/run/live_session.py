@@ -200,7 +200,7 @@ class LiveSession(Session):
         if news or cycle.time % _LINE_EVERY == 0:
             self._reporter.say(
                 f"time {cycle.time}: cell row {math.floor(y / 2.0)} column {math.floor(x / 2.0)}, "
-                f"x {x:.2f} y {y:.2f} heading {heading:.0f}, p {probability:.3f}, "
+                f"x {x:.2f} y {y:.2f} heading {round(heading)}, p {probability:.3f}, "
                 f"entropy {cycle.entropy:.1f} bits{self._others(probability)}{news}"
             )
 
