@@ -68,9 +68,10 @@ def draw(belief: PoseBelief, count: int = SAMPLES) -> PoseSample:
             total = np.cumsum(belief.dense[row, :-1], dtype=np.float64)
             places = (np.arange(len(members)) + 0.5) / len(members) * total[-1]
             squares[members] = np.minimum(np.searchsorted(total, places), size - 1)
+    x, y = belief.places(bins, squares)
     return PoseSample(
-        x=belief.lattice.x[squares] + belief.offset[bins, 0],
-        y=belief.lattice.y[squares] + belief.offset[bins, 1],
+        x=x,
+        y=y,
         heading=bins * belief.bin_width + belief.heading_offset,
     )
 

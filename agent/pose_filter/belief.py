@@ -125,6 +125,13 @@ class PoseBelief:
         bins, squares = np.nonzero(self.dense[:, :-1])
         return bins, squares, self.dense[bins, squares].astype(np.float64)
 
+    def places(self, bins: Indices, squares: Indices) -> tuple[Floats, Floats]:
+        """Give the x and y at which states are, their bins' offsets included, in units."""
+        return (
+            self.lattice.x[squares] + self.offset[bins, 0],
+            self.lattice.y[squares] + self.offset[bins, 1],
+        )
+
     def square_weights(self) -> Floats:
         """Weight of each square over all headings; shape (squares,)."""
         if self.dense is not None:

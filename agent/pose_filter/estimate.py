@@ -47,6 +47,11 @@ class PoseEstimate:
         """Whether the pose counts as known."""
         return self.probability > CERTAIN
 
+    def moved_to(self, x: float, y: float, heading: float) -> PoseEstimate:
+        """Give an estimate of another pose, with the same probability; the heading within ±π."""
+        cell = (math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE))
+        return PoseEstimate(x=x, y=y, heading=heading, probability=self.probability, cell=cell)
+
 
 def estimate(belief: PoseBelief) -> PoseEstimate:
     """Find the pose around which the most likely state lies.
@@ -79,8 +84,7 @@ def modes(belief: PoseBelief, *, most: int = 8, least: float = 0.02) -> list[Pos
         At least one. No state counts for two of them.
     """
     bins, squares, weights = _strongest(belief)
-    x = belief.lattice.x[squares] + belief.offset[bins, 0]
-    y = belief.lattice.y[squares] + belief.offset[bins, 1]
+    x, y = belief.places(bins, squares)
     headings = belief.headings()[bins]
     left = weights.copy()
     found: list[PoseEstimate] = []
@@ -128,8 +132,7 @@ def probability_near(belief: PoseBelief, x: float, y: float, heading: float) -> 
             np.tile(np.flatnonzero(close), near.sum()),
         )
         weights = belief.dense[bins, squares].astype(np.float64)
-    places_x = belief.lattice.x[squares] + belief.offset[bins, 0]
-    places_y = belief.lattice.y[squares] + belief.offset[bins, 1]
+    places_x, places_y = belief.places(bins, squares)
     inside = _within(places_x, places_y, belief.headings()[bins], (x, y, heading), 1.0)
     return min(float((weights * inside).sum()), 1.0)
 

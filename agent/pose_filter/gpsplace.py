@@ -50,9 +50,8 @@ class PlaceDensity:
 
     def listed(self, belief: PoseBelief) -> Floats:
         """Give the density at each state of a list."""
-        lattice, bins = belief.lattice, belief.bin
-        off_x = lattice.x[belief.square] + belief.offset[bins, 0] - self.mean[bins, 0]
-        off_y = lattice.y[belief.square] + belief.offset[bins, 1] - self.mean[bins, 1]
+        x, y = belief.places(belief.bin, belief.square)
+        off_x, off_y = x - self.mean[belief.bin, 0], y - self.mean[belief.bin, 1]
         return self._mixed(np.exp(-0.5 * (off_x**2 + off_y**2) / self.variance), belief)
 
     def _mixed(self, near: Floats, belief: PoseBelief) -> Floats:

@@ -8,7 +8,6 @@ little is. How late it was is counted.
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 import time
@@ -21,7 +20,7 @@ from agent.pose_filter.posefilter import PoseFilter
 from agent.pose_filter.staged import StagedFilter
 from agent.pose_filter.worker import TableWorker
 from ciberrato.kinematics import advance, clamp_power, filter_power, wrap_angle
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 from ciberrato.protocol.messages import Measures
 
@@ -171,13 +170,7 @@ class LiveFilter:
             wheels = left, right
             pose = advance(*pose, *wheels)
         x, y, heading = pose
-        return dataclasses.replace(
-            found,
-            x=x,
-            y=y,
-            heading=wrap_angle(heading),
-            cell=(math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE)),
-        )
+        return found.moved_to(x, y, wrap_angle(heading))
 
 
 def _commands(inputs: Sequence[Input]) -> deque[Command]:

@@ -99,13 +99,7 @@ class ParticleCloud:
         """
         bins, squares, weights = belief.listed()
         lattice = belief.lattice
-        poses = np.stack(
-            [
-                lattice.x[squares] + belief.offset[bins, 0],
-                lattice.y[squares] + belief.offset[bins, 1],
-                belief.headings()[bins],
-            ]
-        )
+        poses = np.stack([*belief.places(bins, squares), belief.headings()[bins]])
         away = poses - np.array(centre)[:, np.newaxis]
         away[2] = np.remainder(away[2] + math.pi, 2.0 * math.pi) - math.pi
         inside = (np.abs(away) <= np.array(reach)[:, np.newaxis]).all(axis=0)

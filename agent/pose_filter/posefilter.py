@@ -207,13 +207,7 @@ class PoseFilter:
                 wheels = _filtered(command, wheels)
                 pose = advance(*pose, *wheels)
         x, y, heading = pose
-        return PoseEstimate(
-            x=x,
-            y=y,
-            heading=wrap_angle(heading),
-            probability=found.probability,
-            cell=(math.floor(y / 2.0), math.floor(x / 2.0)),
-        )
+        return found.moved_to(x, y, wrap_angle(heading))
 
     def take_over_odometry(self, wheels: Command, time: int | None) -> None:
         """Begin in the middle of a run, with what the wheels gave and the time of the last message."""

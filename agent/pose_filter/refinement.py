@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -12,7 +11,7 @@ from agent.pose_filter.estimate import CLAIM_RADIUS, CLAIM_TURN, PoseEstimate
 from agent.pose_filter.particles import ParticleCloud
 from agent.pose_filter.records import FilterStep
 from ciberrato.geometry import WallMap
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.lab import Lab
 from ciberrato.parameters import Parameters
 
 _APART = 0.3
@@ -92,13 +91,7 @@ class Refinement:
             return found
         if apart or max(deviation[0], deviation[1]) > _WIDE:
             return found
-        return dataclasses.replace(
-            found,
-            x=x,
-            y=y,
-            heading=math.remainder(heading, 2.0 * math.pi),
-            cell=(math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE)),
-        )
+        return found.moved_to(x, y, math.remainder(heading, 2.0 * math.pi))
 
     def _begin(self, found: PoseEstimate, belief: PoseBelief) -> None:
         reach = (1.5 * CLAIM_RADIUS, 1.5 * CLAIM_RADIUS, 1.5 * CLAIM_TURN)

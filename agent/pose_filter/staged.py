@@ -155,8 +155,7 @@ def transfer(source: PoseBelief, target: PoseBelief) -> None:
     """
     lattice = target.lattice
     bins, squares, weights = source.listed()
-    x = source.lattice.x[squares] + source.offset[bins, 0]
-    y = source.lattice.y[squares] + source.offset[bins, 1]
+    x, y = source.places(bins, squares)
     parts = 3 if source.lattice.resolution > lattice.resolution else 1
     shifts = (np.arange(parts) - (parts - 1) / 2.0) / parts * source.lattice.resolution
     all_x = (x[:, np.newaxis, np.newaxis] + shifts).repeat(parts, axis=1)

@@ -127,11 +127,12 @@ def _moment(pose_filter: PoseFilter) -> _Moment:
     bins, squares, weights = belief.listed()
     keep = weights > _LEAST
     bins, squares, weights = bins[keep], squares[keep], weights[keep]
+    x, y = belief.places(bins, squares)
     return _Moment(
         step=pose_filter.last_step,
         estimate=estimate(belief),
-        x=belief.lattice.x[squares] + belief.offset[bins, 0],
-        y=belief.lattice.y[squares] + belief.offset[bins, 1],
+        x=x,
+        y=y,
         heading=belief.headings()[bins],
         weight=weights / weights.sum(),
     )
