@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.measure import Row
-from maps import find_grid, find_lab
+from ciberrato.labs import find_grid, find_lab
 
 PUBLIC = Path(__file__).parents[2] / "shared" / "labs" / "PathFinder" / "pathFinderEval1.xml"
 CYCLES = int(os.environ.get("CIBERRATO_BENCH_CYCLES", "400"))
@@ -122,7 +122,7 @@ def grid_of(lab: str) -> str:
 
 
 def parse(said: str) -> Live:
-    """Read the lines of `agent.pose_filter.livestatistics`."""
+    """Read the lines of `ciberrato.localization.live_statistics`."""
     spread = rf"{_NUMBER} ms a cycle \(median\), {_NUMBER} ms \(99 %\), {_NUMBER} ms \(most\)"
     filtered = re.search(rf"filter \((\w+)\): {spread}; behind in (\d+) of", said)
     answers = re.search(rf"answers: {spread}", said)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ciberrato.errors import LabError
-from ciberrato.runlog import parse_cycle, parse_header
-from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
+from ciberrato.files.run_log import parse_cycle, parse_header
+from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
 
 
 class LogFollower:

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, TextIO
 from agent.offline.localization import ground_truth_of, localize_run
 from agent.offline.summary import heat_map, step_table
 from agent.views.logfollower import LogFollower, follow
-from ciberrato.runrecords import RecordedRun
+from ciberrato.files.run_records import RecordedRun
 
 if TYPE_CHECKING:
-    from agent.offline.ground_truth import GroundTruth
-    from ciberrato.lab import Lab
+    from agent.offline.expected_readings import GroundTruth
+    from ciberrato.world.lab import Lab
 
 INTERVAL = 0.2
 """Seconds between looks at the log."""

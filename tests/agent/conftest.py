@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.control.controller import Controller
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, round_reading, sensor_distances
-from ciberrato.kinematics import advance, clamp_power, filter_power
-from ciberrato.lab import Lab
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from agent.drives.right.controller import Controller
+from ciberrato.files.lab import read_lab
+from ciberrato.files.run_records import Cycle, RunHeader
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, round_reading, sensor_distances
+from ciberrato.labs import find_lab
+from ciberrato.physics.kinematics import advance, clamp_power, filter_power
 from ciberrato.protocol import Acceptance, Actions, Measures, decode_actions, decode_simulator_message, encode
-from ciberrato.runrecords import Cycle, RunHeader
-from maps import find_lab
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)
 REPOSITORY = Path(__file__).parents[2]

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from agent.control.tracker import CellTracker, Crossing
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from agent.drives.right.tracker import CellTracker, Crossing
 from ciberrato.protocol import Measures
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)
 NOISE_FREE = Parameters(motors_noise=0.0)

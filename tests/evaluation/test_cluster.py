@@ -8,9 +8,9 @@ import time
 import pytest
 
 from ciberrato.errors import UsageError
-from evaluation import cluster
-from evaluation.runner import read_evaluation, run_tasks
-from evaluation.task import Task
+from ciberrato.evaluation import cluster
+from ciberrato.evaluation.runner import read_evaluation, run_tasks
+from ciberrato.evaluation.task import Task
 
 distributed = pytest.importorskip("distributed")
 
@@ -83,7 +83,7 @@ def test_a_cluster_without_workers_and_none_at_all_are_told_in_a_line(tasks):
 
 def test_what_a_worker_raises_loses_its_own_task_only(address, tasks, monkeypatch):
     def deadly(task):
-        from evaluation.runner import attempt
+        from ciberrato.evaluation.attempt import attempt
 
         if task.seed == 1:
             raise MemoryError("so much for the worker")
@@ -98,7 +98,7 @@ def test_what_a_worker_raises_loses_its_own_task_only(address, tasks, monkeypatc
 def test_an_interrupted_evaluation_ends_at_once_and_takes_its_tasks_back(tasks, tmp_path):
     with workers(1) as one:
         command = [
-            *(sys.executable, "-m", "evaluation", "--lab", "small_lab.xml", "--seeds", "500"),
+            *(sys.executable, "-m", "ciberrato.evaluation", "--lab", "small_lab.xml", "--seeds", "500"),
             *("--cycles", "50", "--resolution", "0.5", "--output", str(tmp_path / "out.jsonl"), "--quiet"),
             *("--scheduler", one.scheduler_address),
         ]

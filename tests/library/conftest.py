@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab, Wall
-from ciberrato.labfile import read_lab
-from maps import find_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.labs import find_lab
+from ciberrato.world.lab import Lab, Wall
 
 REPOSITORY = Path(__file__).parents[2]
 OWN = REPOSITORY / "tests/data/golden"

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciberrato.errors import LabError
-from ciberrato.lab import Beacon, Target
-from ciberrato.labfile import (
+from ciberrato.files.lab import (
     default_lab,
     parse_lab,
     parse_lab_with_warnings,
@@ -17,8 +16,9 @@ from ciberrato.labfile import (
     read_lab_with_warnings,
     total_turn,
 )
-from ciberrato.rowpattern import row_walls
-from maps import find_lab, names
+from ciberrato.files.row_pattern import row_walls
+from ciberrato.labs import find_lab, names
+from ciberrato.world.lab import Beacon, Target
 
 
 def lab(inside: str, attributes: str = 'Name="Q" Width="28" Height="14"') -> bytes:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, reading_log_likelihood, round_reading, sensor_distances
-from ciberrato.labfile import read_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, reading_log_likelihood, round_reading, sensor_distances
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.03, 0.1, 0.4, 1.0, 5.0])

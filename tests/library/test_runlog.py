@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from ciberrato.errors import LabError
-from ciberrato.parameters import Parameters
-from ciberrato.runlog import RunWriter, read_run
-from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
+from ciberrato.files.run_log import RunWriter, read_run
+from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
+from ciberrato.world.parameters import Parameters
 
 HEADER = RunHeader(
     lab_name="corridors_lab.xml",
@@ -129,7 +129,7 @@ def test_missing_and_unreadable_files(tmp_path: Path) -> None:
 
 
 def test_every_field_type_is_checked() -> None:
-    from ciberrato.runlog import _CHECKS
+    from ciberrato.files.run_log import _CHECKS
 
     for kind in (RunHeader, Cycle, Parameters):
         for field in dataclasses.fields(kind):

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from ciberrato.errors import LabError, UsageError
-from ciberrato.labfile import read_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.files.simulator_log import LogStream, read_simulator_log
 from ciberrato.protocol import Actions
-from ciberrato.simlog import LogStream, read_simulator_log
 
 REPOSITORY = Path(__file__).parents[2]
 LOG2 = REPOSITORY / "tests/data/golden/logs/log2_two_robots"

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from ciberrato.labfile import default_lab, read_lab
-from ciberrato.parameterfile import read_parameters
+from ciberrato.files.lab import default_lab, read_lab
+from ciberrato.files.parameters import read_parameters
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 REPOSITORY = Path(__file__).parents[2]

@@ -10,13 +10,13 @@ import pytest
 
 from benchmarks.conformance import logs
 from ciberrato.errors import UsageError
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.simulator_log import read_simulator_log
 from ciberrato.protocol import Actions, RobotRegistration, ViewRegistration, encode
-from ciberrato.simlog import read_simulator_log
-from ciberrato.startgrid import StartGrid
-from simulator_stub.log import LogFile
-from simulator_stub.session import Session
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+from simulator_stub.recording.log import LogFile
+from simulator_stub.service.session import Session
 from simulator_stub.simulation import Simulation
 
 REPOSITORY = Path(__file__).parents[2]

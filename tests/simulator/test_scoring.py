@@ -13,21 +13,21 @@ from pathlib import Path
 import pytest
 
 from benchmarks.conformance import scoring
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import cell_openings
-from ciberrato.lab import Beacon, Lab, Target, Wall
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import cell_openings
+from ciberrato.labs import find_lab
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_lab
-from simulator_stub.referencefiles import ReferenceFiles
-from simulator_stub.robot_state import RobotState
+from ciberrato.world.lab import Beacon, Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
+from simulator_stub.recording.reference_files import ReferenceFiles
 from simulator_stub.scoring import SCORINGS
 from simulator_stub.scoring.cellmap import CellMap
 from simulator_stub.scoring.circuits import Progress
 from simulator_stub.scoring.tours import best_tour
 from simulator_stub.simulation import Simulation
+from simulator_stub.world.robot_state import RobotState
 
 REPOSITORY = Path(__file__).parents[2]
 HERE = REPOSITORY / "tests/data/golden"

@@ -12,21 +12,21 @@ import numpy as np
 import pytest
 
 import simulator_stub.simulation
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, other_robot_distance, sensor_distances
-from ciberrato.lab import Beacon, Lab, Wall
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, other_robot_distance, sensor_distances
 from ciberrato.protocol import (
     Actions,
     Measures,
     RobotBeaconRegistration,
     RobotRegistration,
 )
-from ciberrato.startgrid import GridPosition, StartGrid
-from simulator_stub.floor import Floor
+from ciberrato.world.lab import Beacon, Lab, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-from simulator_stub.simulator_state import SimulatorState
+from simulator_stub.world.floor import Floor
+from simulator_stub.world.simulator_state import SimulatorState
 
 REPOSITORY = Path(__file__).parents[2]
 FOLDERS = (REPOSITORY / "tests/data/golden", REPOSITORY / "../shared/golden")

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from viewer.connection import ConnectionState
-from viewer.outbox import MOST_REPLIES, Outbox
-from viewer.page_messages import AskFrames
-from viewer.session import Session
+from ciberrato.viewer.connection import ConnectionState
+from ciberrato.viewer.outbox import MOST_REPLIES, Outbox
+from ciberrato.viewer.page_messages import AskFrames
+from ciberrato.viewer.session import Session
 
 from .conftest import recorded_frames, transcripts, view_sessions
 

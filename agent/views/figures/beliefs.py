@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agent.offline.summary import Cell, cell_name, normalized_entropy, peak
 from agent.views.figures.canvas import TRUE_COLOUR, draw_walls, new_figure, save_figure, set_lab_axes
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 Array = NDArray[np.float64]
 

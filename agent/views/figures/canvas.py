@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ciberrato.atomic import replace_file
 from ciberrato.errors import UsageError
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.files.atomic import replace_file
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 TRUE_COLOUR = "#d62728"
 """Of what is true and was not known to the filter."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from agent.offline.comparison import Comparison
 from agent.views.figures.canvas import LINE_COLOURS, draw_walls, new_figure, save_figure, set_lab_axes
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 
 def difference_panels(
