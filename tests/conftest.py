@@ -21,6 +21,12 @@ def pytest_configure() -> None:
             raise pytest.UsageError(f"{variable}={folder}: no such folder; name another, or unset it")
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    for mark in item.iter_markers("recordings"):
+        if mark.args[0]:
+            pytest.skip(f"set {' and '.join(mark.args[0])} to run this")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def signals_as_in_a_terminal() -> Iterator[None]:
     ignored = [number for number in SIGNALS if signal.getsignal(number) is signal.SIG_IGN]

@@ -7,6 +7,7 @@ needs them is skipped, and says so.
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,10 +15,17 @@ OWN = Path(__file__).parent / "data" / "golden"
 VARIABLES = ("CIBERRATO_GOLDEN", "CIBERRATO_LABS")
 
 
-def needs(*folders: Path | None) -> pytest.MarkDecorator:
-    """Return the mark that skips a test where one of these folders is not there."""
-    absent = [name for name, folder in zip(VARIABLES, folders, strict=False) if folder is None]
-    return pytest.mark.skipif(bool(absent), reason=f"set {' and '.join(absent)} to run this")
+def needs(*variables: str) -> pytest.MarkDecorator:
+    """Return the mark of a test that is skipped where one of these variables is not set."""
+    return pytest.mark.recordings([name for name in variables if not os.environ.get(name)])
+
+
+def by_name(found: dict[str, Path]) -> list[Any]:
+    """Return recordings as parameters with ids, those that do not come along with their mark."""
+    return [
+        pytest.param(name, marks=() if path.is_relative_to(OWN) else needs("CIBERRATO_GOLDEN"))
+        for name, path in sorted(found.items())
+    ]
 
 
 GOLDEN, LABS = (

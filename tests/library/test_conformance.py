@@ -22,7 +22,7 @@ def test_everything_agrees_with_the_recordings_that_come_with_the_tests(golden, 
 
 
 @pytest.mark.slow
-@needs(GOLDEN, LABS)
+@needs("CIBERRATO_GOLDEN", "CIBERRATO_LABS")
 def test_everything_agrees_with_the_full_set_of_recordings():
     rows = {row.check: row for row in all_rows(GOLDEN, LABS)}
     assert [row for row in rows.values() if not row.passed] == []

@@ -75,7 +75,7 @@ def test_simulated_noise_and_rounding(rng):
 
 
 @pytest.mark.parametrize(("run", "sigma"), [("n2_near_walls", 0.5), ("n3_heading180", 0.1)])
-@needs(GOLDEN, LABS)
+@needs("CIBERRATO_GOLDEN", "CIBERRATO_LABS")
 def test_the_real_simulator_s_noise(run, sigma):
     """Four thousand cycles at a standstill: counts of readings, sensor by sensor."""
     meta = json.loads((GOLDEN / f"noise/{run}.meta.json").read_text(encoding="utf-8"))

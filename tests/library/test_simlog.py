@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gzip
+import itertools
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -123,6 +124,7 @@ def test_records_come_one_by_one_in_constant_memory(log_file: Path) -> None:
             "nested too deeply",
         ),
     ],
+    ids=itertools.count(),
 )
 def test_what_is_no_log_is_refused_with_its_line(
     log_file: Path, change: Callable[[str], str], line: int | None, problem: str

@@ -32,7 +32,7 @@ def test_the_recordings_that_come_with_the_tests_pass():
     assert [row.cases for row in rows["codec: clients, exception"]] == [1], "the NaN motors"
 
 
-@needs(GOLDEN)
+@needs("CIBERRATO_GOLDEN")
 def test_the_complete_recordings_pass():
     rows = by_check(codec.rows(GOLDEN, None))
     assert all(row.passed for group in rows.values() for row in group), rows

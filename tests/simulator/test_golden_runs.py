@@ -17,7 +17,7 @@ from ciberrato.files.parameters import read_parameters
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-from tests.recordings import FOLDERS, LABS
+from tests.recordings import FOLDERS, LABS, by_name
 
 
 def scenarios() -> dict[str, tuple[Path, dict[str, Any]]]:
@@ -51,7 +51,7 @@ def commands(scenario: dict[str, Any]) -> Iterator[dict[int, Actions]]:
                 }
 
 
-@pytest.mark.parametrize("name", sorted(scenarios()))
+@pytest.mark.parametrize("name", by_name({name: folder for name, (folder, _) in scenarios().items()}))
 def test_a_recorded_run_comes_out_again(name: str) -> None:
     folder, scenario = scenarios()[name]
     lab = read_named_lab(scenario["lab"], LABS)

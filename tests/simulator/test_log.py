@@ -24,7 +24,7 @@ DATE = "Thu Jan  1 00:00:00 1970"
 
 
 @pytest.mark.parametrize(
-    "golden", [pytest.param(OWN, id="own"), pytest.param(GOLDEN, id="all", marks=needs(GOLDEN))]
+    "golden", [pytest.param(OWN, id="own"), pytest.param(GOLDEN, id="all", marks=needs("CIBERRATO_GOLDEN"))]
 )
 def test_the_real_simulators_logs_come_out_again(golden: Path) -> None:
     rows = list(logs.rows(golden, None))

@@ -18,7 +18,7 @@ from tests.recordings import GOLDEN, LABS, OWN, needs
     "golden",
     [
         pytest.param(OWN, id="own"),
-        pytest.param(GOLDEN, id="all", marks=[pytest.mark.slow, needs(GOLDEN)]),
+        pytest.param(GOLDEN, id="all", marks=[pytest.mark.slow, needs("CIBERRATO_GOLDEN")]),
     ],
 )
 def test_sensors_and_motors_draw_as_the_real_ones_do(golden: Path) -> None:

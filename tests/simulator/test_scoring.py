@@ -37,7 +37,7 @@ def test_recorded_runs_that_come_with_the_tests_give_the_recorded_scores() -> No
     assert {row.check: row.cases for row in rows} == {"scoring: mode 0": 902}
 
 
-@needs(GOLDEN, LABS)
+@needs("CIBERRATO_GOLDEN", "CIBERRATO_LABS")
 def test_all_recorded_runs_give_the_recorded_scores() -> None:
     rows = {row.check: row for row in scoring.rows(GOLDEN, LABS)}
     assert [row for row in rows.values() if not row.passed] == []

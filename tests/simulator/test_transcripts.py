@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.conformance import transcripts
 from benchmarks.conformance.timeline import read_timeline
-from tests.recordings import FOLDERS, OWN
+from tests.recordings import FOLDERS, OWN, by_name
 
 
 def sessions() -> dict[str, Path]:
@@ -27,7 +27,7 @@ def read_lines(path: Path) -> list[str]:
         return file.readlines()
 
 
-@pytest.mark.parametrize("name", sorted(sessions()))
+@pytest.mark.parametrize("name", by_name(sessions()))
 def test_a_recorded_session_gets_the_recorded_answers(name: str) -> None:
     path = sessions()[name]
     result = transcripts.replay(path, path.parent / "files")
