@@ -99,7 +99,7 @@ def test_what_a_worker_raises_loses_its_own_task_only(address, tasks, monkeypatc
 
 @pytest.fixture
 def one_by_one(monkeypatch):
-    """Let the worker, a thread of this process, finish its first task and keep it in the next until released."""
+    """Let the worker, a thread of this process, finish a task, and keep it in the next until released."""
     from ciberrato.evaluation import episode
 
     run_task, begun, released = episode.run_task, [], threading.Event()
