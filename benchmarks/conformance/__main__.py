@@ -12,7 +12,18 @@ from pathlib import Path
 
 from benchmarks.conformance import Row
 
-CHECKS = ("labs", "infrared", "motion", "codec", "transcripts", "logs", "noise", "scoring", "seed_runs")
+CHECKS = (
+    "labs",
+    "infrared",
+    "motion",
+    "codec",
+    "transcripts",
+    "logs",
+    "noise",
+    "scoring",
+    "homeward",
+    "seed_runs",
+)
 """Modules of this package, in the order of the table."""
 OWN = Path(__file__).parents[2] / "tests" / "data" / "golden"
 
