@@ -40,8 +40,8 @@ def replay(recorded: dict[str, Any], name: str) -> list[list[Any]]:
     Parameters
     ----------
     recorded : dict
-        Texts of ``lab``, ``grid``, ``parameters``; ``scoring``; ``steps``, of each the (client, message) pairs,
-        where the client ``new:NAME`` registers as NAME.
+        Texts of ``lab``, ``grid``, ``parameters``; ``scoring``; ``steps``, each a list of (client, message); the
+        client ``new:NAME`` registers as NAME.
     name : str
         Of the recording, for error messages.
 
@@ -67,11 +67,9 @@ def replay(recorded: dict[str, Any], name: str) -> list[list[Any]]:
             else:
                 clients[client].deliver(message.encode())
         session.cycle()
-        seen.extend(
-            [step, robot.robot_id, simulation.time, robot.score % 2**32, robot.collisions]
-            + [f"{robot.x:g}", f"{robot.y:g}"]
-            for robot in simulation.robots
-        )
+        for robot in simulation.robots:
+            counts = (simulation.time, robot.score % 2**32, robot.collisions)
+            seen.append([step, robot.robot_id, *counts, f"{robot.x:g}", f"{robot.y:g}"])
     return seen
 
 

@@ -132,8 +132,8 @@ class TargetScoring(Scoring):
         """Way home as a percentage of what it was when the return began, rounded down.
 
         The real simulator keeps the way, and a hundred times it, in single precision, but not what it divides
-        that by, so that the share may be 99 at the very place where the return began. It is 0 where the return
-        began at the start position, and where there is no way.
+        that by, so that the share may be 99 at the very place where the return began. It is 0 where the
+        return began at the start position, and where there is no way.
         """
         way = self._way_home(robot, account)
         if not 0.0 < account.arrival_distance < math.inf or way == math.inf:
