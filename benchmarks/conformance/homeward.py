@@ -40,8 +40,8 @@ def replay(recorded: dict[str, Any], name: str) -> list[list[Any]]:
     Parameters
     ----------
     recorded : dict
-        Texts of ``lab``, ``grid``, ``parameters``; ``scoring``; ``steps``, each a list of (client, message); the
-        client ``new:NAME`` registers as NAME.
+        Texts of ``lab``, ``grid``, ``parameters``; ``scoring``; ``steps``, each a list of (client,
+        message); the client ``new:NAME`` registers as NAME.
     name : str
         Of the recording, for error messages.
 

@@ -25,6 +25,7 @@ from ciberrato.protocol import (
     GridRequest,
     LabRequest,
     PanelRegistration,
+    PassedOverError,
     Refusal,
     Registration,
     RemoveRobot,
@@ -167,6 +168,8 @@ class Session:
                 registration = decode_registration(data)
             except ProtocolError as error:
                 self._complain(f"registration from {newcomer.label}: {error}")
+                if isinstance(error, PassedOverError):
+                    continue
                 break
             try:
                 peer = newcomer.accept()
