@@ -62,12 +62,13 @@ def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Row]:
         ours = sensor_distances(walls, x, y, direction)
         difference = worst(ours, distance)
         for tie in np.flatnonzero(hang_on_rounding(ours)).tolist():
-            ours[tie] = exact_distance(walls, *recorded[tie, :2].tolist(), direction[tie], SENSOR_OFFSET)
+            at = float(x[tie]), float(y[tie]), float(direction[tie])
+            ours[tie] = exact_distance(walls, *at, SENSOR_OFFSET)
         unlike += int((round_reading(ideal_reading(ours)) != round_reading(ideal_reading(distance))).sum())
         every = zip(*(values[::_EVERY].tolist() for values in (x, y, direction)), strict=True)
         places = list(every)
         single = [distances_at(walls, at_x, at_y, [axis])[0] for at_x, at_y, axis in places]
-        exact = [exact_distance(walls, *place, SENSOR_OFFSET) for place in places]
+        exact = [exact_distance(walls, at_x, at_y, axis, SENSOR_OFFSET) for at_x, at_y, axis in places]
         inexact += int((np.array(exact) != distance[::_EVERY]).sum())
         cases += len(recorded)
         single_cases += len(single)
