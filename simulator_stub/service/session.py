@@ -148,6 +148,8 @@ class Session:
         simulation.end_cycle()
         if simulation.state is not before:
             self._state_changed()
+        while simulation.scoring.notes:
+            self._notify(simulation.scoring.notes.pop(0))
 
     def _read_actions(self) -> None:
         for robot_id, seat in self.robots.items():
