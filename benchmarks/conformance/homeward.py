@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.conformance.row import Row
-from ciberrato.gridfile import parse_grid
-from ciberrato.labfile import parse_lab_with_warnings
-from ciberrato.parameterfile import parse_parameters
-from simulator_stub.session import Session
+from ciberrato.files.lab import parse_lab_with_warnings
+from ciberrato.files.parameters import parse_parameters
+from ciberrato.files.start_grid import parse_grid
+from simulator_stub.service.session import Session
+from simulator_stub.service.transports import Newcomer, Peer
 from simulator_stub.simulation import Simulation
-from simulator_stub.transports import Newcomer, Peer
 
 
 def rows(golden: Path, labs: Path | None) -> Iterator[Row]:

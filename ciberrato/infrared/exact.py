@@ -1,8 +1,9 @@
 """IR distances to the last bit of the real simulator, where a reading hangs on it.
 
 A reading is rounded to 0.1. Where one over the distance lies half way between two such values, the last bit
-of the distance decides, and only the real simulator's own arithmetic gives that (`ciberrato.infrared.on_face`). The
-fast paths give the distance within rounding; noise, where there is any, makes the difference meaningless.
+of the distance decides, and only the arithmetic of the real simulator gives that
+(`ciberrato.infrared.on_face`). The fast paths give the distance within rounding; noise, where there is any,
+makes the difference meaningless.
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.world.lab import CELL_SIZE, Lab
 from simulator_stub.scoring.tours import MOST_PLACES
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 OFF = 0.01
 """Units beside a place of the map from which on a start is worth a note."""

@@ -8,7 +8,6 @@ import struct
 import pytest
 
 from ciberrato.errors import ProtocolError
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, Actions, BeaconReading, Measures, Refusal, encode
 from ciberrato.protocol.binary import (
     decode_binary_actions,
@@ -17,6 +16,7 @@ from ciberrato.protocol.binary import (
     encode_binary_reply,
     is_binary_registration,
 )
+from ciberrato.world.parameters import Parameters
 
 
 def words(data: bytes) -> list[int]:

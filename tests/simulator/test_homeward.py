@@ -13,36 +13,34 @@ import numpy as np
 import pytest
 
 from benchmarks.conformance import homeward
-from ciberrato.lab import Lab, Target, Wall
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from simulator_stub.robot_state import RobotState
+from ciberrato.world.lab import Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-
-REPOSITORY = Path(__file__).parents[2]
-HERE = REPOSITORY / "tests/data/golden"
-SHARED = REPOSITORY / "../shared/golden"
+from simulator_stub.world.robot_state import RobotState
+from tests.recordings import GOLDEN, OWN, needs
 
 SHELF = Wall(height=4.0, corners=((9.0, 2.0), (9.2, 2.0), (9.2, 8.0), (9.0, 8.0)))
 LAB = Lab(width=20.0, height=10.0, walls=(SHELF,), targets=(Target(x=10.0, y=5.0, radius=30.0),))
 
 
 def test_the_recorded_session_gives_the_recorded_scores() -> None:
-    (row,) = homeward.rows(HERE, None)
+    (row,) = homeward.rows(OWN, None)
     assert row.passed, row.note
     assert row.cases == 43 * 60
 
 
-@pytest.mark.skipif(not (SHARED / "homeward").is_dir(), reason="the full set of recordings is not here")
+@needs("CIBERRATO_GOLDEN")
 def test_all_recorded_sessions_give_the_recorded_scores() -> None:
-    rows = list(homeward.rows(SHARED, None))
+    assert GOLDEN is not None
+    rows = list(homeward.rows(GOLDEN, None))
     assert [row for row in rows if not row.passed] == []
     assert sum(row.cases for row in rows) >= 2 * 43 * 60
 
 
 def test_a_score_that_differs_is_found(tmp_path: Path) -> None:
-    recorded = json.loads(gzip.decompress((HERE / "homeward/homeward_2.json.gz").read_bytes()))
+    recorded = json.loads(gzip.decompress((OWN / "homeward/homeward_2.json.gz").read_bytes()))
     recorded["statuses"][-1][3] += 1
     (tmp_path / "homeward").mkdir()
     (tmp_path / "homeward/one.json.gz").write_bytes(gzip.compress(json.dumps(recorded).encode()))

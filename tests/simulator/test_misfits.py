@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-import maps
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Beacon, Lab, Target, Wall
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.files.start_grid import read_grid
+from ciberrato.geometry.walls import WallMap
+from ciberrato.labs import find_grid, find_lab, names
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_lab
+from ciberrato.world.lab import Beacon, Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.scoring.tours import MOST_PLACES
-from simulator_stub.session import Session
+from simulator_stub.service.session import Session
 from simulator_stub.simulation import Simulation
 
 ODD_STARTS = [(4.3, 9.71), (0.0, 0.0), (-3.0, 5.0), (28.0, 14.0), (27.99, 13.99), (40.0, -7.0), (1e9, -1e9)]
@@ -154,10 +154,8 @@ def test_a_tour_through_too_many_places_is_left_out_with_a_note(quiet: Parameter
 
 
 def test_all_shipped_labs_are_mapped_from_all_their_starts(quiet: Parameters) -> None:
-    from ciberrato.gridfile import read_grid
-
-    for name in maps.names("lab"):
-        grid = read_grid(maps.find_grid(name))
+    for name in names("lab"):
+        grid = read_grid(find_grid(name))
         starts = [(place.x, place.y) for place in grid.positions[:3]]
         for mode, file in FILES.items():
             simulation = begun(read_lab(find_lab(name)), mode, quiet, *starts)

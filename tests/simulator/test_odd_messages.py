@@ -7,9 +7,7 @@ from typing import Any
 
 import pytest
 
-from ciberrato.lab import Lab
-from ciberrato.parameterfile import parse_parameters_with_warnings
-from ciberrato.parameters import Parameters
+from ciberrato.files.parameters import parse_parameters_with_warnings
 from ciberrato.protocol import (
     Acceptance,
     Actions,
@@ -19,8 +17,10 @@ from ciberrato.protocol import (
     decode_simulator_message,
     encode_parameters,
 )
-from ciberrato.startgrid import StartGrid
-from simulator_stub.session import Session
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+from simulator_stub.service.session import Session
 from simulator_stub.simulation import Simulation
 
 

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from ciberrato.gridfile import read_grid
-from ciberrato.lab import Lab
-from ciberrato.labfile import read_lab, read_lab_with_warnings
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab, read_lab_with_warnings
+from ciberrato.files.start_grid import read_grid
+from ciberrato.labs import find_lab
 from ciberrato.protocol import RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_lab
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-
-LABS = Path(__file__).parents[2] / "../shared/labs/rmi-2223"
+from tests.recordings import LABS, needs
 
 
 def first_readings(lab: Lab, grid: StartGrid, parameters: Parameters) -> tuple[float | None, ...]:
@@ -30,10 +27,11 @@ def test_a_tie_is_rounded_up(quiet: Parameters) -> None:
     assert first_readings(lab, grid, quiet)[3] == 0.3
 
 
-@pytest.mark.skipif(not LABS.is_dir(), reason="the public labs are not here")
+@needs("CIBERRATO_LABS")
 def test_the_lab_in_which_it_was_met(quiet: Parameters) -> None:
-    lab, _ = read_lab_with_warnings(LABS / "C2a-lab.xml")
-    assert first_readings(lab, read_grid(LABS / "C2a-grid.xml"), quiet)[3] == 0.3
+    assert LABS is not None
+    lab, _ = read_lab_with_warnings(LABS / "rmi-2223/C2a-lab.xml")
+    assert first_readings(lab, read_grid(LABS / "rmi-2223/C2a-grid.xml"), quiet)[3] == 0.3
 
 
 @pytest.mark.parametrize(

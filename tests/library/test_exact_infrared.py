@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.conformance.files import numbers, read_named_lab
-from ciberrato.exactcones import CLOSE, exact_distance, hang_on_rounding, hangs_on_rounding
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import SENSOR_OFFSET, distances_at, ideal_reading, round_reading, sensor_distances
-from ciberrato.lab import Lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.exact import CLOSE, exact_distance, hang_on_rounding, hangs_on_rounding
+from ciberrato.infrared.model import (
+    SENSOR_OFFSET,
+    distances_at,
+    ideal_reading,
+    round_reading,
+    sensor_distances,
+)
+from ciberrato.world.lab import Lab
+from tests.recordings import OWN
 
-GOLDEN = Path(__file__).parents[1] / "data/golden/ir"
 COLUMNS = ("x", "y", "dir_deg", "sensor_angle_deg", "distance")
 
 
 def recorded(file: str):
-    for name, rows in numbers(GOLDEN / f"{file}.csv.gz", COLUMNS, "lab"):
+    for name, rows in numbers(OWN / f"ir/{file}.csv.gz", COLUMNS, "lab"):
         lab = read_named_lab(name, None)
         assert lab is not None
         x, y, heading, angle, distance = rows.T
