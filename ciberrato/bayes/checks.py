@@ -234,8 +234,11 @@ def transition_array(matrix: Any, *, states: int | None = None, what: str = "tra
     ValueError
         If it is not square, has another size, a negative entry or nan, or a row above 1.
     """
-    # Sparse matrices have what is asked for here; arrays, lists of rows and np.matrix become plain arrays.
-    result = matrix if hasattr(matrix, "tocsc") else np.asarray(matrix, dtype=float)
+    if hasattr(matrix, "tocsr"):
+        result = matrix if matrix.format in ("csr", "csc") else matrix.tocsr()
+        result = result if result.dtype == float else result.astype(float)
+    else:
+        result = np.asarray(matrix, dtype=float)
     shape = result.shape
     if len(shape) != 2 or shape[0] != shape[1] or (states is not None and shape[0] != states):
         wanted = "square" if states is None else f"({states}, {states}), one row and column for every state"
