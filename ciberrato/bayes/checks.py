@@ -1,7 +1,7 @@
 """What every function of this package asks of its arguments, and the words in which it says no.
 
-Each check reads its array once or twice, whatever the number of states. Messages name what is wrong, where, and
-what would do instead.
+Each check reads its array once or twice, whatever the number of states. Messages name what is wrong, where,
+and what would do instead.
 """
 
 from __future__ import annotations
@@ -127,7 +127,9 @@ def range_array(
     """
     values: FloatArray = np.asarray(reading, dtype=float)
     if beams is not None and values.shape != (beams,):
-        raise ValueError(f"the reading has shape {values.shape}, and the map {beams} {what}s: need ({beams},)")
+        raise ValueError(
+            f"the reading has shape {values.shape}, and the map {beams} {what}s: need ({beams},)"
+        )
     wrong = values == -np.inf if signed else values < 0.0
     if wrong.any():
         least = "finite" if signed else "0 or more"

@@ -218,9 +218,7 @@ def update_by_likelihood(
         return update(belief, np.log(likelihood), on_impossible=on_impossible, out=out)
 
 
-def _update_by_logarithms(
-    belief: FloatArray, log_likelihood: FloatArray
-) -> tuple[FloatArray, float, int]:
+def _update_by_logarithms(belief: FloatArray, log_likelihood: FloatArray) -> tuple[FloatArray, float, int]:
     with np.errstate(divide="ignore"):
         scores = np.log(belief) + log_likelihood
     best = float(scores.max(initial=-np.inf))

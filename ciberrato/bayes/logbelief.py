@@ -2,9 +2,9 @@ r"""A belief in natural logarithms, which keeps every state that is possible.
 
 A double holds probabilities down to 2.2e-308, 708 nats below certainty; 18 range beams that are half a metre
 off are further down than that. Here a state that is unlikely stays possible, and wins when later readings
-favour it. Updates are sums. Predictions are sums of probabilities, which the motion model works out: the belief
-is cut into bands of 600 nats, each is scaled to where doubles hold it, moved by itself, and the results are added
-as logarithms,
+favour it. Updates are sums. Predictions are sums of probabilities, which the motion model works out: the
+belief is cut into bands of 600 nats, each is scaled to where doubles hold it, moved by itself, and the
+results are added as logarithms,
 
 .. math:: \log \sum_k e^{s_k} M(e^{\ell - s_k} [\ell \in \text{band } k]),
 
@@ -24,8 +24,8 @@ from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import belief_array, log_likelihood_array, refuse_log_likelihood
 from ciberrato.bayes.recovery import POLICIES, ImpossiblePolicy, recover_logs
 
-# Nats that a band spans, scaled to between 1 and e^600: products with any transition probability that a double
-# holds are then within the range of numbers.
+# Nats that a band spans, scaled to between 1 and e^600: products with any transition probability that a
+# double holds are then within the range of numbers.
 _BAND = 600.0
 _LOG_LEAST = -708.3964185322641
 
@@ -151,6 +151,8 @@ class LogBelief:
         """
         logs = moved(lambda masses: transition(masses, control), self.logs)
         if logs.shape != self.logs.shape:
-            raise ValueError(f"the motion model's result has shape {logs.shape}, the belief {self.logs.shape}")
+            raise ValueError(
+                f"the motion model's result has shape {logs.shape}, the belief {self.logs.shape}"
+            )
         log_kept = log_total(logs)
         return LogBelief._raw(logs if log_kept == -math.inf else logs - log_kept), log_kept

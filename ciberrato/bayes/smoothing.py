@@ -6,8 +6,8 @@ t + 1; rows are states before. Matrices are dense, or sparse by `scipy.sparse`;
 filter of Probabilistic Robotics, table 2.1; the rest is the theory of hidden Markov models (Rabiner, A
 Tutorial on Hidden Markov Models, Proceedings of the IEEE 77, 1989, sections III.A to III.C).
 
-Steps are scaled, many at a time, as long as no state that is possible gets too small for a double; from there on
-they are made in logarithms, so that results are right however far readings tell the states apart.
+Steps are scaled, many at a time, as long as no state that is possible gets too small for a double; from there
+on they are made in logarithms, so that results are right however far readings tell the states apart.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from ciberrato.bayes.recovery import ImpossibleReadingError
 # Steps that are normalized together, and the sum below which each is normalized by itself.
 _BLOCK = 32
 _SAFE_TOTAL = 1e-200
-# Nats below the best beyond which a likelihood is not worked out; sums of products above the bound have all digits,
-# even if some of the products have underflowed.
+# Nats below the best beyond which a likelihood is not worked out; sums of products above the bound have all
+# digits, even if some of the products have underflowed.
 _FAR, _SAFE_SUM = -700.0, 1e-290
 
 
@@ -195,7 +195,7 @@ class _Scaled:
         self.forward = Forward(self._predicted, self._filtered, np.log(self._evidence) + self._best)
 
     def _block(self, block: slice) -> bool:
-        """Filter some steps and normalize them together; False if that is too much for the range of numbers."""
+        """Filter some steps and normalize them together; False if that takes more than doubles."""
         first, stop = block.start, block.stop
         predicted, filtered = self._predicted, self._filtered
         befores, afters = list(predicted[block]), list(filtered[block])
@@ -365,11 +365,14 @@ def _checked(
     prior: ArrayLike | LogBelief, log_likelihoods: ArrayLike, transitions: Any
 ) -> tuple[FloatArray, FloatArray, FloatArray, Sequence[Any]]:
     """Return log prior, scores, the best score of each time, and a matrix for each step."""
-    log_prior = (prior if isinstance(prior, LogBelief) else LogBelief.of(belief_array(prior, what="prior"))).logs
+    log_prior = (
+        prior if isinstance(prior, LogBelief) else LogBelief.of(belief_array(prior, what="prior"))
+    ).logs
     scores = np.asarray(log_likelihoods, dtype=float)
     if log_prior.ndim != 1 or scores.ndim != 2 or scores.shape[1] != len(log_prior) or not len(scores):
         raise ValueError(
-            f"prior {log_prior.shape} and log likelihoods {scores.shape} do not fit (states,), (times, states)"
+            f"prior {log_prior.shape} and log likelihoods {scores.shape} do not fit (states,), "
+            "(times, states)"
         )
     best = scores.max(axis=1)
     if not (best < np.inf).all():  # nan neither

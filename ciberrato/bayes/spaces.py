@@ -1,15 +1,18 @@
 """State spaces: named axes cut into equal cells, and the conversion between cell indices and poses.
 
-**Axis order.** A belief over a space is a float array of the space's shape. Its array axes are the axes of the
-space, in their order; so are coordinates of a pose, indices, cell widths and origins. There are two orders:
+**Axis order.** A belief over a space is a float array of the space's shape. Its array axes are the axes of
+the space, in their order; so are coordinates of a pose, indices, cell widths and origins. There are two
+orders:
 
-- `[x, y]` or `[x, y, heading]`: `rectangle`, `pose_grid`, and all that computes with coordinates: occupancy grids,
-  distance fields, scan tables, landmark poses, pose motion models.
-- `[row, column]`, which is `[y, x]`, row 0 the southernmost: arrays of cells as labs and belief files have them,
-  `Openings` and `BlockedShift`. `cell_rows` is the space of such an array; its coordinates are (y, x), too.
+- `[x, y]` or `[x, y, heading]`: `rectangle`, `pose_grid`, and all that computes with coordinates: occupancy
+  grids, distance fields, scan tables, landmark poses, pose motion models.
+- `[row, column]`, which is `[y, x]`, row 0 the southernmost: arrays of cells as labs and belief files have
+  them, `Openings` and `BlockedShift`. `cell_rows` is the space of such an array; its coordinates are (y, x),
+  too.
 
-`marginal(belief, space, "y", "x")` brings a belief from one order to the other; `OccupancyGrid.from_rows` takes a
-map in rows. Headings are radians inside; functions that take or return poses have them in degrees where asked (`deg`).
+`marginal(belief, space, "y", "x")` brings a belief from one order to the other; `OccupancyGrid.from_rows`
+takes a map in rows. Headings are radians inside; functions that take or return poses have them in degrees
+where asked (`deg`).
 """
 
 from __future__ import annotations
@@ -244,7 +247,9 @@ class StateSpace:
 
     def checked_belief(self, belief: ArrayLike) -> FloatArray:
         """Return a belief over this space as floats; ValueError if it is none or has another shape."""
-        return belief_array(belief, what=f"belief over {', '.join(a.name for a in self.axes)}", shape=self.shape)
+        return belief_array(
+            belief, what=f"belief over {', '.join(a.name for a in self.axes)}", shape=self.shape
+        )
 
     def _angles(self) -> BoolArray:
         return np.array([axis.unit == "rad" for axis in self.axes])
@@ -351,7 +356,7 @@ def _planar(
     cells = np.asarray(cell, dtype=float)
     if cells.shape not in ((), (2,)) or len(shape) != 2 or len(origin) != 2:
         raise ValueError(
-            f"a plane needs two sizes, one or two cell widths and two origins, in the order {' '.join(names)}; "
+            f"a plane needs two sizes, one or two cells and two origins, in the order {' '.join(names)}, "
             f"not {shape}, {cell}, {origin}"
         )
     widths = np.broadcast_to(cells, 2).tolist()

@@ -1,7 +1,7 @@
 """What a belief says: entropy, most likely cells, hypotheses, means, credible sets.
 
-Beliefs need not sum to 1 (the masses named here are shares of their sum), but must have some mass and be finite and
-not negative: a ValueError says which cell is not.
+Beliefs need not sum to 1 (the masses named here are shares of their sum), but must have some mass and be
+finite and not negative: a ValueError says which cell is not.
 """
 
 from __future__ import annotations
@@ -202,9 +202,7 @@ def marginal(belief: ArrayLike, space: StateSpace, *names: str) -> FloatArray:
     if not names or len(set(names)) < len(names):
         raise ValueError(f"name each axis to keep once, and one at least, not {names}")
     kept_in_order = sorted(keep)
-    summed = space.checked_belief(belief).sum(
-        axis=tuple(i for i in range(len(space.axes)) if i not in keep)
-    )
+    summed = space.checked_belief(belief).sum(axis=tuple(i for i in range(len(space.axes)) if i not in keep))
     return np.transpose(summed, [kept_in_order.index(i) for i in keep])
 
 

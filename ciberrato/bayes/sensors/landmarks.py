@@ -16,9 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ciberrato.bayes.angles import wrapped_normal
+from ciberrato.bayes.angles import TURN, log_wrapped_normal
 from ciberrato.bayes.arraytypes import FloatArray
-from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI
+from ciberrato.bayes.checks import finite_array, positive, range_array, same_length, whole_array
+from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, beyond_range
+
+# Of the coordinates: within so much of a landmark the state is on it, and rounding would make up a bearing.
+_ON_IT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,47 +37,91 @@ class LandmarkSensor:
         In units of length.
     bearing_sigma : float
         Radians.
+    max_range : float or None
+        Longest range. Readings of at least this, +inf among them, have the probability that the range is
+        longer: the Gaussian's upper tail. None: there is no longest range, and +inf is an error.
     """
 
     landmarks: tuple[tuple[float, float], ...]
     range_sigma: float
     bearing_sigma: float = math.radians(5.0)
+    max_range: float | None = None
 
     def __post_init__(self) -> None:
-        if not self.landmarks or not (self.range_sigma > 0.0 and self.bearing_sigma > 0.0):
-            raise ValueError("need at least one landmark and positive sigmas")
+        places = finite_array(self.landmarks, what="landmarks")
+        if places.ndim != 2 or places.shape[1] != 2 or not len(places):
+            raise ValueError(f"landmarks need x and y each, and one at least; their shape is {places.shape}")
+        positive(self.range_sigma, what="range_sigma")
+        positive(self.bearing_sigma, what="bearing_sigma")
+        if self.max_range is not None:
+            positive(self.max_range, what="max_range")
 
     def log_likelihood(
-        self, poses: ArrayLike, which: ArrayLike, ranges: ArrayLike, bearings: ArrayLike | None = None
+        self,
+        poses: ArrayLike,
+        which: ArrayLike,
+        ranges: ArrayLike,
+        bearings: ArrayLike | None = None,
+        *,
+        deg: bool = False,
     ) -> FloatArray:
-        """Give log p(readings | pose).
+        """Compute log p(readings | pose).
 
         Parameters
         ----------
         poses : array_like, shape (..., 2) or (..., 3)
             x, y and, for bearings, the heading.
         which : array_like of int, shape (n,)
-            The landmark of each reading.
+            The landmark of each reading, counted from 0.
         ranges : array_like, shape (n,)
-            In units of length.
+            In units of length; nan where missing, +inf where it is beyond `max_range`.
         bearings : array_like, shape (n,), optional
-            Relative to the heading, radians.
+            Relative to the heading, radians; nan where missing. Where the pose is on the landmark there is no
+            bearing to expect, and all are alike likely, 1 / (2 pi).
+        deg : bool
+            Bearings, and the headings of the poses, are given in degrees.
 
         Returns
         -------
         FloatArray, shape (...)
+
+        Raises
+        ------
+        ValueError
+            If there is no such landmark, a range is negative, or the shapes do not fit.
         """
-        poses = np.asarray(poses, dtype=float)
+        poses = finite_array(poses, what="poses")
+        least = 2 if bearings is None else 3
+        if not poses.ndim or not least <= poses.shape[-1] <= 3:
+            raise ValueError(
+                f"poses need x, y{', heading' * (least - 2)} in the last axis, not {poses.shape}"
+            )
+        which = np.atleast_1d(whole_array(which, what="landmarks' indices"))
+        ranges = np.atleast_1d(range_array(ranges, what="range"))
+        if ((which < 0) | (which >= len(self.landmarks))).any():
+            wrong = which[(which < 0) | (which >= len(self.landmarks))][0]
+            raise ValueError(f"there are landmarks 0 to {len(self.landmarks) - 1}, and no {wrong}")
+        same_length(landmarks=which, ranges=ranges)
+        scale = math.pi / 180.0 if deg else 1.0
         total = np.zeros(poses.shape[:-1])
-        ranges = np.asarray(ranges, dtype=float)
-        for k, index in enumerate(np.asarray(which)):
-            dx = self.landmarks[index][0] - poses[..., 0]
-            dy = self.landmarks[index][1] - poses[..., 1]
-            total -= 0.5 * np.square((ranges[k] - np.hypot(dx, dy)) / self.range_sigma)
-            total -= math.log(self.range_sigma) + LOG_SQRT_TWO_PI
-            if bearings is not None:
-                off = np.asarray(bearings, dtype=float)[k] - (np.arctan2(dy, dx) - poses[..., 2])
-                total += np.log(np.maximum(wrapped_normal(off, self.bearing_sigma), 1e-300))
+        if bearings is not None:
+            bearings = np.atleast_1d(np.asarray(bearings, dtype=float)) * scale
+            same_length(landmarks=which, bearings=bearings)
+            if np.isinf(bearings).any():
+                raise ValueError(f"bearing {int(np.argmax(np.isinf(bearings)))} is infinite; nan is none")
+        for k, index in enumerate(which):
+            x, y = self.landmarks[index]
+            dx, dy = x - poses[..., 0], y - poses[..., 1]
+            distance = np.hypot(dx, dy)
+            if not np.isnan(ranges[k]):
+                terms = np.asarray(-0.5 * np.square((ranges[k] - distance) / self.range_sigma))
+                terms -= math.log(self.range_sigma) + LOG_SQRT_TWO_PI
+                beyond_range(terms, ranges[k : k + 1], distance, self.range_sigma, self.max_range)
+                total += terms
+            if bearings is not None and not np.isnan(bearings[k]):
+                off = bearings[k] - (np.arctan2(dy, dx) - poses[..., 2] * scale)
+                on_it = distance <= _ON_IT * (abs(x) + abs(y) + self.range_sigma)
+                total += np.where(on_it, -math.log(TURN), log_wrapped_normal(off, self.bearing_sigma))
         return total
 
 
@@ -102,27 +150,37 @@ class OrderedRanges:
     unexpected: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.sigma > 0.0 and self.max_range > 0.0):
-            raise ValueError("sigma and the longest range must be positive")
-        if not 0.0 <= self.unread < 1.0 or not self.unexpected >= 0.0:
+        finite_array(self.landmarks, what="landmarks")
+        positive(self.sigma, what="sigma")
+        positive(self.max_range, what="max_range")
+        if not 0.0 <= self.unread < 1.0 or not 0.0 <= self.unexpected < math.inf:
             raise ValueError("unread is a probability below 1, unexpected a density of 0 or more")
 
     def log_likelihood(self, ranges: ArrayLike, places: ArrayLike) -> FloatArray:
-        """Give log p(ranges | place).
+        """Compute log p(ranges | place).
 
         Parameters
         ----------
         ranges : array_like, shape (n,)
-            In any order; may be empty, which is a reading too.
+            In any order; may be empty, which is a reading too: nothing is within range. Entries of nan (no
+            reading) and of +inf (nothing within range) are no ranges to a landmark, and are left out.
         places : array_like, shape (cells,)
             Along the line.
 
         Returns
         -------
         FloatArray, shape (cells,)
+
+        Raises
+        ------
+        ValueError
+            If a range is negative, or the places are not finite numbers in one dimension.
         """
-        seen = np.sort(np.asarray(ranges, dtype=float))
-        places = np.asarray(places, dtype=float)
+        seen = range_array(ranges, what="range").ravel()
+        seen = np.sort(seen[seen < np.inf])  # nan neither
+        places = finite_array(places, what="places")
+        if places.ndim != 1:
+            raise ValueError(f"places along a line have one axis, not shape {places.shape}")
         ahead = np.sort(np.asarray(self.landmarks, dtype=float)) - places[:, np.newaxis]
         ahead = np.sort(np.where((ahead >= 0.0) & (ahead <= self.max_range), ahead, np.inf), axis=1)
         expected = np.isfinite(ahead).sum(axis=1)
