@@ -127,7 +127,7 @@ def inject(belief: ArrayLike, fraction: float, fresh: ArrayLike | None = None) -
         If one of the beliefs is none, the shapes differ, or the fraction is not in [0, 1].
     """
     belief = belief_array(belief)
-    belief = belief / belief.sum()
+    belief = np.asarray(belief / belief.sum())
     if not 0.0 <= fraction <= 1.0:
         raise ValueError(f"a fraction is in [0, 1], not {fraction}")
     if fresh is None:

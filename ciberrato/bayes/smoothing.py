@@ -177,7 +177,7 @@ class _Scaled:
             self._likelihoods = np.exp(below, out=below)
         else:  # nan as well: a reading that is impossible everywhere
             possible = scores > -np.inf
-            self._far = ((below < _FAR) & possible).any(axis=1)
+            self._far = np.asarray(((below < _FAR) & possible).any(axis=1))
             self._likelihoods = np.exp(np.maximum(below, _FAR), out=below)
             self._likelihoods[~possible] = 0.0
         self._predicted, self._filtered = np.empty_like(scores), np.empty_like(scores)

@@ -95,7 +95,7 @@ def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: flo
     from scipy.sparse.csgraph import connected_components
 
     belief = belief_array(belief) if space is None else space.checked_belief(belief)
-    belief = belief / belief.sum()
+    belief = np.asarray(belief / belief.sum())
     if not 0.0 <= least_mass <= 1.0:
         raise ValueError(f"a share of the mass is in [0, 1], not {least_mass}")
     index = np.arange(belief.size).reshape(belief.shape)
@@ -225,7 +225,7 @@ def credible_set(belief: ArrayLike, mass: float = 0.95) -> BoolArray:
     if not 0.0 < mass <= 1.0:
         raise ValueError(f"the mass of a credible set is in (0, 1], not {mass}")
     belief = belief_array(belief)
-    belief = belief / belief.sum()
+    belief = np.asarray(belief / belief.sum())
     falling = np.sort(belief.ravel())[::-1]
     needed = min(int(np.searchsorted(np.cumsum(falling), mass - 1e-12)), belief.size - 1)
     return np.asarray((belief >= falling[needed] * (1.0 - 1e-9)) & (belief > 0.0))

@@ -44,7 +44,7 @@ class OccupancyGrid:
     cell: float
     origin: tuple[float, float] = (0.0, 0.0)
     threshold: float | tuple[float, float] | None = None
-    unknown: BoolArray = field(default=None)  # type: ignore[assignment]  # an array from the start on
+    unknown: BoolArray = field(default=None)  # type: ignore[arg-type]  # an array from the start on
     _clearance: IntArray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.angles import TURN, log_wrapped_normal
-from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.arraytypes import FloatArray, IntArray
 from ciberrato.bayes.checks import finite_array, positive, range_array, same_length, whole_array
 from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, beyond_range
 
@@ -102,6 +102,11 @@ class LandmarkSensor:
             wrong = which[(which < 0) | (which >= len(self.landmarks))][0]
             raise ValueError(f"there are landmarks 0 to {len(self.landmarks) - 1}, and no {wrong}")
         same_length(landmarks=which, ranges=ranges)
+        if self.max_range is None and np.isposinf(ranges).any():
+            raise ValueError(
+                f"range {int(np.argmax(np.isposinf(ranges)))} is inf, nothing within range, but there is no "
+                "longest range: set max_range, or make the range nan to leave it out"
+            )
         scale = math.pi / 180.0 if deg else 1.0
         total = np.zeros(poses.shape[:-1])
         if bearings is not None:
@@ -162,8 +167,9 @@ class OrderedRanges:
         Parameters
         ----------
         ranges : array_like, shape (n,)
-            In any order; may be empty, which is a reading too: nothing is within range. Entries of nan (no
-            reading) and of +inf (nothing within range) are no ranges to a landmark, and are left out.
+            In any order; may be empty, which is a reading too: nothing is within range. An entry of +inf says
+            just that, and is left out. One of nan (no reading) may stand for any landmark's range, or for
+            none: a landmark that it may stand for is not held to be unread.
         places : array_like, shape (cells,)
             Along the line.
 
@@ -177,6 +183,7 @@ class OrderedRanges:
             If a range is negative, or the places are not finite numbers in one dimension.
         """
         seen = range_array(ranges, what="range").ravel()
+        gaps = int(np.count_nonzero(np.isnan(seen)))
         seen = np.sort(seen[seen < np.inf])  # nan neither
         places = finite_array(places, what="places")
         if places.ndim != 1:
@@ -188,10 +195,45 @@ class OrderedRanges:
         with np.errstate(divide="ignore"):
             log_unread, log_unexpected = np.log(self.unread), np.log(self.unexpected)
         total = matched * (np.log1p(-self.unread) - math.log(self.sigma) - LOG_SQRT_TWO_PI)
-        for k, reading in enumerate(seen[: ahead.shape[1]]):
-            total -= np.where(k < matched, 0.5 * np.square((reading - ahead[:, k]) / self.sigma), 0.0)
+        used = np.minimum(expected, len(seen) + gaps)
+        if gaps:
+            total += self._matched_with_gaps(seen, ahead, used, gaps)
+        else:
+            for k, reading in enumerate(seen[: ahead.shape[1]]):
+                total -= np.where(k < matched, 0.5 * np.square((reading - ahead[:, k]) / self.sigma), 0.0)
         # 0 times log 0 is nothing to add.
-        missing, extra = expected - matched, len(seen) - matched
+        missing, extra = expected - used, len(seen) - matched
         total[missing > 0] += missing[missing > 0] * log_unread
         total[extra > 0] += extra[extra > 0] * log_unexpected
         return np.asarray(total)
+
+    def _matched_with_gaps(
+        self, seen: FloatArray, ahead: FloatArray, used: IntArray, gaps: int
+    ) -> FloatArray:
+        """Sum over all choices of the landmarks, up to `gaps`, of which the reading is missing.
+
+        Parameters
+        ----------
+        seen : FloatArray, shape (n,)
+            Ranges, rising.
+        ahead : FloatArray, shape (cells, landmarks)
+            Distances, rising; inf beyond the last.
+        used : IntArray, shape (cells,)
+            Landmarks to be matched or left out.
+        gaps : int
+
+        Returns
+        -------
+        FloatArray, shape (cells,)
+            Logarithms, without the factor of the Gaussians.
+        """
+        # score[s]: the landmarks so far hold the nearest s ranges.
+        score = np.full((len(seen) + 1, len(ahead)), -np.inf)
+        score[0] = 0.0
+        for k in range(min(ahead.shape[1], len(seen) + gaps)):
+            after = np.full_like(score, -np.inf)
+            after[1:] = score[:-1] - 0.5 * np.square((seen[:, np.newaxis] - ahead[:, k]) / self.sigma)
+            for s in range(max(0, k - gaps + 1), min(k, len(seen)) + 1):
+                after[s] = np.logaddexp(after[s], score[s])
+            score = np.where(k < used, after, score)
+        return np.asarray(score[np.minimum(used, len(seen)), np.arange(len(ahead))])
