@@ -212,11 +212,12 @@ def whole_array(values: ArrayLike, *, what: str) -> IntArray:
     array = np.asarray(values)
     if array.dtype.kind in "iu" or not array.size:
         return array.astype(np.intp)
-    numbers = np.asarray(array, dtype=float) if array.dtype.kind == "f" else None
-    if numbers is None or not (np.abs(numbers) < 2.0**53).all() or (numbers != np.rint(numbers)).any():
-        first = array if numbers is None else numbers[~(numbers == np.rint(numbers)) | np.isinf(numbers)]
-        raise ValueError(f"{what} must be whole numbers, not {np.asarray(first).flat[0]!r}")
-    return numbers.astype(np.intp)
+    if array.dtype.kind != "f":
+        raise ValueError(f"{what} must be whole numbers, not {array.flat[0]!r}")
+    wrong = ~((np.abs(array) < 2.0**53) & (array == np.rint(array)))
+    if wrong.any():
+        raise ValueError(f"{what} must be whole numbers, not {array[wrong].flat[0]}")
+    return array.astype(np.intp)
 
 
 def transition_array(matrix: Any, *, states: int | None = None, what: str = "transition matrix") -> Any:

@@ -68,7 +68,7 @@ class GaussianSensor:
         """
         mean = np.asarray(mean, dtype=float)
         reading = range_array(reading, beams=mean.shape[-1] if mean.ndim else 0, signed=self.signed)
-        terms = np.square((reading - mean) / self.sigma)
+        terms = np.square((np.where(np.isfinite(reading), reading, 0.0) - mean) / self.sigma)
         if terms.shape != mean.shape:
             raise ValueError(f"sigma has shape {np.shape(self.sigma)}, which does not fit means {mean.shape}")
         terms *= -0.5

@@ -121,7 +121,7 @@ class LandmarkSensor:
             if not np.isnan(ranges[k]):
                 terms = np.asarray(-0.5 * np.square((ranges[k] - distance) / self.range_sigma))
                 terms -= math.log(self.range_sigma) + LOG_SQRT_TWO_PI
-                beyond_range(terms, ranges[k : k + 1], distance, self.range_sigma, self.max_range)
+                beyond_range(terms, ranges[k], distance, self.range_sigma, self.max_range)
                 total += terms
             if bearings is not None and not np.isnan(bearings[k]):
                 off = bearings[k] - (np.arctan2(dy, dx) - poses[..., 2] * scale)

@@ -82,7 +82,7 @@ class QuantizedGaussian:
             If a reading is negative (unless `signed`) or infinite (without `max_range`), or a mean is nan.
         """
         reading, mean = range_array(reading, signed=self.signed), map_array(mean)
-        multiple = np.round(reading / self.step)
+        multiple = np.round(np.where(np.isfinite(reading), reading, 0.0) / self.step)
         low = (multiple - 0.5) * self.step - mean
         high = (multiple + 0.5) * self.step - mean
         sigma = np.asarray(self.sigma, dtype=float)
