@@ -130,6 +130,8 @@ def range_array(
         raise ValueError(
             f"the reading has shape {values.shape}, and the map {beams} {what}s: need ({beams},)"
         )
+    if values.size and values.min() >= 0.0:
+        return values
     wrong = values == -np.inf if signed else values < 0.0
     if wrong.any():
         least = "finite" if signed else "0 or more"
@@ -161,7 +163,8 @@ def refuse_map(wrong: BoolArray, *, what: str = "map") -> None:
 def finite_array(values: ArrayLike, *, what: str) -> FloatArray:
     """Return an array of finite numbers; ValueError that names the first which is not."""
     result: FloatArray = np.asarray(values, dtype=float)
-    if not np.isfinite(result).all():
+    # A sum that is finite has only finite terms; one that is not may have overflowed.
+    if not math.isfinite(result.sum()) and not np.isfinite(result).all():
         wrong = ~np.isfinite(result)
         place = f" at {where(wrong)}" if result.ndim else ""
         raise ValueError(f"{what} must be finite, not {result[wrong].flat[0]}{place}")

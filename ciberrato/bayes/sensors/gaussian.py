@@ -68,18 +68,26 @@ class GaussianSensor:
         """
         mean = np.asarray(mean, dtype=float)
         reading = range_array(reading, beams=mean.shape[-1] if mean.ndim else 0, signed=self.signed)
-        terms = np.square((np.where(np.isfinite(reading), reading, 0.0) - mean) / self.sigma)
-        if terms.shape != mean.shape:
-            raise ValueError(f"sigma has shape {np.shape(self.sigma)}, which does not fit means {mean.shape}")
+        longest = np.inf if self.max_range is None else self.max_range
+        # Most scans are whole: no beam is missing, none beyond the longest range.
+        whole = bool(reading.size) and bool(reading.max() < longest)
+        terms = (reading if whole else np.where(np.isfinite(reading), reading, 0.0)) - mean
+        try:
+            terms /= self.sigma
+        except ValueError as error:
+            raise ValueError(
+                f"sigma has shape {np.shape(self.sigma)}, which does not fit means {mean.shape}"
+            ) from error
+        np.square(terms, out=terms)
         terms *= -0.5
         if self.normalized:
             terms -= np.log(self.sigma) + LOG_SQRT_TWO_PI
-        missing = np.isnan(reading)
-        if missing.any():
-            terms[..., missing] = 0.0
-        beyond_range(terms, reading, mean, self.sigma, self.max_range)
+        if not whole:
+            terms[..., np.isnan(reading)] = 0.0
+            beyond_range(terms, reading, mean, self.sigma, self.max_range)
         result = np.asarray(terms.sum(axis=-1))
-        if np.isnan(result).any() or (missing.any() and np.isnan(mean).any()):
+        # nan in the map shows in the least of all sums, unless the beam is missing.
+        if result.size and (np.isnan(result.min()) or (not whole and np.isnan(mean).any())):
             refuse_map(np.isnan(mean))
         return result
 
@@ -139,7 +147,7 @@ class PreparedGaussian:
         """
         reading = range_array(reading, beams=self._linear.shape[1], signed=self._signed)
         longest = np.inf if self._longest is None else self._longest
-        if not (reading < longest).all():
+        if not reading.max() < longest:  # nan neither
             wrong = int(np.argmax(~(reading < longest)))
             raise ValueError(
                 f"beam {wrong} reads {reading[wrong]}: a prepared sensor takes {len(reading)} finite beams "

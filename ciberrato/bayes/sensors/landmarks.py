@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.angles import TURN, log_wrapped_normal
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
 from ciberrato.bayes.checks import finite_array, positive, range_array, same_length, whole_array
-from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, beyond_range
+from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, log_upper_tail
 
 # Of the coordinates: within so much of a landmark the state is on it, and rounding would make up a bearing.
 _ON_IT = 1e-9
@@ -98,15 +98,17 @@ class LandmarkSensor:
             )
         which = np.atleast_1d(whole_array(which, what="landmarks' indices"))
         ranges = np.atleast_1d(range_array(ranges, what="range"))
-        if ((which < 0) | (which >= len(self.landmarks))).any():
+        if which.size and not 0 <= which.min() <= which.max() < len(self.landmarks):
             wrong = which[(which < 0) | (which >= len(self.landmarks))][0]
             raise ValueError(f"there are landmarks 0 to {len(self.landmarks) - 1}, and no {wrong}")
-        same_length(landmarks=which, ranges=ranges)
-        if self.max_range is None and np.isposinf(ranges).any():
+        if len(which) != len(ranges):
+            same_length(landmarks=which, ranges=ranges)
+        if self.max_range is None and math.inf in ranges:
             raise ValueError(
                 f"range {int(np.argmax(np.isposinf(ranges)))} is inf, nothing within range, but there is no "
                 "longest range: set max_range, or make the range nan to leave it out"
             )
+        longest = math.inf if self.max_range is None else self.max_range
         scale = math.pi / 180.0 if deg else 1.0
         total = np.zeros(poses.shape[:-1])
         if bearings is not None:
@@ -118,11 +120,11 @@ class LandmarkSensor:
             x, y = self.landmarks[index]
             dx, dy = x - poses[..., 0], y - poses[..., 1]
             distance = np.hypot(dx, dy)
-            if not np.isnan(ranges[k]):
-                terms = np.asarray(-0.5 * np.square((ranges[k] - distance) / self.range_sigma))
-                terms -= math.log(self.range_sigma) + LOG_SQRT_TWO_PI
-                beyond_range(terms, ranges[k], distance, self.range_sigma, self.max_range)
-                total += terms
+            if ranges[k] < longest:
+                total -= 0.5 * np.square((ranges[k] - distance) / self.range_sigma)
+                total -= math.log(self.range_sigma) + LOG_SQRT_TWO_PI
+            elif not np.isnan(ranges[k]):
+                total += log_upper_tail((longest - distance) / self.range_sigma)
             if bearings is not None and not np.isnan(bearings[k]):
                 off = bearings[k] - (np.arctan2(dy, dx) - poses[..., 2] * scale)
                 on_it = distance <= _ON_IT * (abs(x) + abs(y) + self.range_sigma)
