@@ -7,6 +7,7 @@ Probabilistic Robotics, section 2.2 (eq. 2.3) and the `hit` part of the beam mod
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,7 +88,7 @@ class GaussianSensor:
             beyond_range(terms, reading, mean, self.sigma, self.max_range)
         result = np.asarray(terms.sum(axis=-1))
         # nan in the map shows in the least of all sums, unless the beam is missing.
-        if result.size and (np.isnan(result.min()) or (not whole and np.isnan(mean).any())):
+        if (result.size and math.isnan(result.min())) or (not whole and np.isnan(mean).any()):
             refuse_map(np.isnan(mean))
         return result
 
