@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives.base import STANDSTILL, Decision
+from agent.drives.base import STANDSTILL, Decision, DriveSetup
 from agent.drives.clearance import PoseSample
 from agent.drives.disambiguation import FIRST_TURNS, plan
 from agent.drives.explore import ExploreDrive
@@ -37,6 +37,13 @@ _RECONSIDER_DROP = 0.5  # bits
 class _Mode(StrEnum):
     LOCALIZING = "localizing"
     LOCALIZED = "localized"
+
+
+def make(setup: DriveSetup) -> ActiveDrive:
+    """Make the drive."""
+    return ActiveDrive(
+        setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise, stop=setup.stop_when_localized
+    )
 
 
 class ActiveDrive:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives.base import Command, Decision
+from agent.drives.base import Command, Decision, DriveSetup
 from agent.drives.cell_to_cell import CellDrive
 from agent.drives.clearance import PoseSample, free_ways
 from agent.drives.roam import SPRINT, Closed, Roamer
@@ -18,6 +18,11 @@ Floats = NDArray[np.float64]
 
 LONGEST_LEG = 4.0
 _TURNS = np.deg2rad(np.arange(-165, 181, 15))
+
+
+def make(setup: DriveSetup) -> ExploreDrive:
+    """Make the drive."""
+    return ExploreDrive(setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise)
 
 
 class ExploreDrive:

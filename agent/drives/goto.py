@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.active import ActiveDrive
-from agent.drives.base import STANDSTILL, Command, Decision
+from agent.drives.base import STANDSTILL, Command, Decision, DriveSetup
 from agent.drives.clearance import clearance
 from agent.drives.safety import Bumper
 from ciberrato.errors import UsageError
@@ -36,6 +36,11 @@ class GotoPhase(StrEnum):
     LOCALIZING = "localizing"
     DRIVING = "driving"
     ARRIVED = "arrived"
+
+
+def make(setup: DriveSetup) -> GotoDrive:
+    """Make the drive."""
+    return GotoDrive(setup.argument, setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise)
 
 
 class GotoDrive:

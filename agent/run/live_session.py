@@ -100,13 +100,14 @@ class LiveSession(Session):
         """Load what the loop will need: later, that would cost it its first cycles."""
         import gc
 
-        import agent.drives
         import agent.offline.expected_readings
         import agent.run.live_controller  # noqa: F401
         import ciberrato.files.run_log
         import ciberrato.localization.live_filter  # noqa: F401
+        from agent.drives.registry import load_drive
         from ciberrato.localization.belief import compiled
 
+        load_drive(self._live_settings.drive)
         if compiled.at_hand():
             assert self._tables is not None
             self._tables.wait_for_loops()

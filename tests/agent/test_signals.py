@@ -107,7 +107,12 @@ def agent(tmp_path: Path) -> Iterator[Callable[..., Agent]]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize(
     "place",
-    ["import:agent.commands", "import:argparse", "call:agent.commands:_settings", "import:agent.run.session"],
+    [
+        "import:agent.commands",
+        "import:argparse",
+        "call:agent.commands.drive:settings_of",
+        "import:agent.run.session",
+    ],
 )
 def test_before_there_is_anything_to_save_it_ends_at_once(
     agent: Callable[..., Agent], place: str, number: int

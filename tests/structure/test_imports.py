@@ -47,6 +47,7 @@ AGENT = {
     "offline": {"drives"},
     "views": {"offline"},
     "run": {"drives", "offline"},
+    "commands": {"drives", "offline", "run", "views"},
 }
 SIMULATOR = {
     "world": set(),
@@ -60,8 +61,7 @@ SIMULATOR = {
 }
 # What is in no room is a command line: it may import all rooms, and none imports it.
 AGENT_COMMAND_LINE = {
-    *("__init__", "__main__", "cli", "commands", "localizecommand"),
-    *("optionparser", "optiontypes", "showing"),
+    *("__init__", "__main__", "cli"),
 }
 SIMULATOR_COMMAND_LINE = {"__init__", "__main__", "assembly", "cli", "options"}
 # Slow to load: only inside the functions that use them.
