@@ -22,12 +22,13 @@ from agent.drives.right.pilot import Pilot
 from agent.drives.right.tracker import CellTracker, Crossing
 from agent.offline.expected_readings import compute_ground_truth, standing_room
 from agent.offline.localizer import PRESETS, localize
-from agent.offline.summary import Cell, peak
+from agent.offline.summary import peak
 from benchmarks.enumeration import enumerate_starts
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import read_parameters
 from ciberrato.labs import find_lab, find_parameters
 from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid

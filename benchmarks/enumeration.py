@@ -11,21 +11,20 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.offline.expected_readings import GroundTruth
+from ciberrato.arrays import Floats
 
-Array = NDArray[np.float64]
 Reading = Sequence[float | None]
 
 
 def enumerate_starts(
     readings: Sequence[Reading], truth: GroundTruth, *, preset: str, sigma: float
-) -> list[Array | None]:
+) -> list[Floats | None]:
     """Give the posterior after each step; None where no start cell is possible."""
     rows, columns = truth.free.shape
     free, east = truth.free.tolist(), truth.east.tolist()
-    posteriors: list[Array | None] = []
+    posteriors: list[Floats | None] = []
     weights: dict[tuple[int, int], float] = {}
     for last, reading in enumerate(readings):
         posterior = np.zeros((rows, columns))

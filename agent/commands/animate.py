@@ -33,9 +33,9 @@ def make_parser() -> OptionParser:
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     """Draw the animation; return the exit status."""
     from agent.offline.localization import ground_truth_of, localize_run
-    from agent.offline.truth_file import read_truth
     from agent.views.figures.animation import animate_run, check_animation
     from ciberrato.files.run_log import read_run
+    from ciberrato.files.truth import read_truth
 
     check_animation(options.output)
     if options.every < 1:

@@ -13,11 +13,12 @@ from agent.commands.files import check_size, read_lab_file
 from agent.commands.parser import OptionParser
 from agent.run.reporter import PROGRAM
 from ciberrato.errors import UsageError
+from ciberrato.geometry.angles import short_turn
 from ciberrato.world.lab import CELL_SIZE
 
 if TYPE_CHECKING:
-    from agent.offline.summary import Cell
     from agent.run.signals import Interrupts
+    from ciberrato.world.coordinates import Cell
     from ciberrato.world.lab import Lab
 
 
@@ -103,9 +104,9 @@ def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:
 def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
     import numpy as np
 
-    from agent.offline.truth_file import read_truth
     from agent.views.figures.curves import pose_error_curves
     from ciberrato.files.run_log import read_run
+    from ciberrato.files.truth import read_truth
 
     run, poses = read_run(_needed(options, "run")), read_truth(_needed(options, "truth"))
     cycles = [cycle for cycle in run.cycles if cycle.time in poses]
@@ -115,7 +116,7 @@ def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
     rows = []
     for cycle in cycles:
         x, y, heading = poses[cycle.time]
-        turned = math.degrees(math.remainder(math.radians(cycle.heading - heading), 2 * math.pi))
+        turned = math.degrees(short_turn(math.radians(cycle.heading - heading)))
         rows.append((cycle.displacement - (x - start[0]), cycle.lateral - (y - start[1]), turned))
     deviations = np.array([cycle.spread for cycle in cycles])
     pose_error_curves([cycle.time for cycle in cycles], np.array(rows), deviations, options.output)
@@ -142,8 +143,8 @@ def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] |
     """Look up the true cell of each block; the log tells at which cycle each step was."""
     if options.truth is None:
         return None
-    from agent.offline.truth_file import read_truth, true_cells
     from ciberrato.files.run_log import read_run
+    from ciberrato.files.truth import read_truth, true_cells
 
     if options.run is None:
         raise UsageError("--truth needs --run, too: the log tells at which cycle each step was")

@@ -11,18 +11,16 @@ import math
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.drives.base import STANDSTILL, Decision, DriveSetup
+from agent.drives.base import Decision, DriveSetup
 from agent.drives.clearance import PoseSample
 from agent.drives.disambiguation import FIRST_TURNS, plan
 from agent.drives.explore import ExploreDrive
 from agent.drives.roam import Closed, LegPhase, Roamer
 from ciberrato.localization.belief.estimate import PoseEstimate, modes
 from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.physics.kinematics import STANDSTILL
 from ciberrato.protocol.messages import Measures
-
-Floats = NDArray[np.float64]
 
 _MOST_STATES = 8000
 """States of the belief up to which it is worth while to look for hypotheses."""

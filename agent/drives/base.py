@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
-
-Command = tuple[float, float]
-STANDSTILL: Command = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.clearance import clearance
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.physics.kinematics import MAX_POWER, ROBOT_RADIUS
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE
 
-Cell = tuple[int, int]
-"""Row, from the bottom, and column."""
 Way = tuple[Cell, Cell]
 
 LEAST_ROOM = ROBOT_RADIUS + 0.09
@@ -192,5 +192,5 @@ def centre(cell: Cell) -> tuple[float, float]:
 
 def turning_cycles(angle: float) -> float:
     """Say how long a turn in place takes, in radians; none takes nothing."""
-    angle = abs(math.remainder(angle, 2.0 * math.pi))
+    angle = abs(short_turn(angle))
     return 0.0 if angle < 0.1 else angle / _TURN_RATE + _TURN_OVERHEAD

@@ -14,11 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives.base import Command
 from agent.drives.cell_graph import (
     LEAST_ROOM,
     Beginning,
-    Cell,
     CellGraph,
     Way,
     centre,
@@ -29,14 +27,14 @@ from agent.drives.cell_graph import (
 from agent.drives.clearance import SAFE_CLEARANCE
 from agent.drives.detour import clear_way, shortest_detour
 from agent.drives.safety import STOP_SHORT, Bumper
+from ciberrato.geometry.angles import short_turn
 from ciberrato.geometry.walls import WallMap
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.physics.kinematics import MAX_POWER, advance, filter_power
+from ciberrato.physics.kinematics import MAX_POWER, Command, advance, filter_wheels
 from ciberrato.protocol.messages import Measures
+from ciberrato.world.coordinates import Cell, Pose
 from ciberrato.world.lab import CELL_SIZE, Lab
-
-Pose = tuple[float, float, float]
 
 _HOLD = 5  # cycles for which the pose must be known before
 _LOST_AFTER = 6  # cycles without a claim after which it is not
@@ -138,8 +136,7 @@ class CellDrive:
         if last is None:
             self._wheels = pose_filter.wheels
         else:
-            left, right = (filter_power(c, w) for c, w in zip(last, self._wheels, strict=True))
-            self._wheels = left, right
+            self._wheels = filter_wheels(last, self._wheels)
         if last is None or measures.collision:
             self._reckoned = None  # it did not move as the commands say
         elif self._reckoned is not None:
@@ -175,7 +172,7 @@ class CellDrive:
         if self._pose is None or self._reckoned is None:
             self._reckoned = pose
         x, y, heading = self._reckoned
-        turned = abs(math.remainder(heading - pose[2], 2.0 * math.pi))
+        turned = abs(short_turn(heading - pose[2]))
         if math.hypot(x - pose[0], y - pose[1]) > _DRIFT or turned > _DRIFT_TURN:
             self._pause = 2 * _PAUSE
             self._reckoned = None
@@ -339,7 +336,7 @@ class CellDrive:
                 return 0.0, 0.0
             following = self._way[1]
             onwards = math.atan2(following.y - stop.y, following.x - stop.x)
-            straight = abs(math.remainder(onwards - direction, 2.0 * math.pi)) < 0.05
+            straight = abs(short_turn(onwards - direction)) < 0.05
             if not straight and not there:
                 break
             self._way.pop(0)
@@ -354,7 +351,7 @@ class CellDrive:
 
     def _steer(self, turn: float, beside: float, left: float) -> Command | None:
         way, turned = (self._wheels[0] + self._wheels[1]) / 2.0, self._wheels[1] - self._wheels[0]
-        turn = math.remainder(turn, 2.0 * math.pi)
+        turn = short_turn(turn)
         if self._turning or abs(turn) > _ASTRAY:
             # What the wheels run on by is part of the way to come.
             self._turning = abs(turn - turned) > _ALIGNED

@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.physics.kinematics import ROBOT_RADIUS
-
-Floats = NDArray[np.float64]
 
 SAMPLES = 96
 _STEP = 0.1  # units between two looks along a way

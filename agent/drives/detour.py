@@ -10,8 +10,7 @@ import numpy as np
 
 from ciberrato.geometry.walls import WallMap
 from ciberrato.localization.belief.lattice import Lattice
-
-Place = tuple[float, float]
+from ciberrato.world.coordinates import Point
 
 _STEPS = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if (dx, dy) != (0, 0)]
 _ROOMY = 0.85  # units; ways nearer to walls count as longer
@@ -19,7 +18,7 @@ _LOOK = 0.1
 _WAY_OUT = 0.35
 
 
-def clear_way(walls: WallMap, begin: Place, end: Place, room: float) -> bool:
+def clear_way(walls: WallMap, begin: Point, end: Point, room: float) -> bool:
     """Say whether a straight way keeps clear of walls.
 
     Parameters
@@ -44,11 +43,11 @@ def clear_way(walls: WallMap, begin: Place, end: Place, room: float) -> bool:
 def shortest_detour(
     lattice: Lattice,
     walls: WallMap,
-    begin: Place,
-    ends: Collection[Place],
+    begin: Point,
+    ends: Collection[Point],
     room: float,
     longest: float = math.inf,
-) -> list[Place]:
+) -> list[Point]:
     """Find the shortest way from a place to the nearest of some others.
 
     Parameters
@@ -102,7 +101,7 @@ def shortest_detour(
     return _corners(walls, [begin, *(places[1:] or places)], room)
 
 
-def _square(lattice: Lattice, place: Place) -> int:
+def _square(lattice: Lattice, place: Point) -> int:
     column = round((place[0] - lattice.origin[0]) / lattice.resolution)
     row = round((place[1] - lattice.origin[1]) / lattice.resolution)
     if not (0 <= column < lattice.nx and 0 <= row < lattice.ny):
@@ -110,7 +109,7 @@ def _square(lattice: Lattice, place: Place) -> int:
     return int(lattice.index[row * lattice.nx + column])
 
 
-def _corners(walls: WallMap, places: list[Place], room: float) -> list[Place]:
+def _corners(walls: WallMap, places: list[Point], room: float) -> list[Point]:
     """Leave out the places between which one can drive straight on."""
     corners, at = [], 0
     while at < len(places) - 1:

@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.clearance import clearance
+from ciberrato.arrays import Floats, Integers
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.tables.pose_tables import PoseTables
 from ciberrato.localization.tables.reading_codes import code_distances
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _SPACING = 0.35
 _RADIUS = 18  # nodes to each side
@@ -200,7 +199,7 @@ def _free(tables: PoseTables, poses: Floats) -> NDArray[np.bool_]:
     return free
 
 
-def _quickest(free: NDArray[np.bool_], barred: NDArray[np.bool_]) -> tuple[Floats, Indices]:
+def _quickest(free: NDArray[np.bool_], barred: NDArray[np.bool_]) -> tuple[Floats, Integers]:
     """Find the quickest way to every place and direction of arrival.
 
     Returns
@@ -248,7 +247,7 @@ def _shifted(dx: int, dy: int) -> tuple[tuple[slice, slice], tuple[slice, slice]
 
 
 def _evidence(
-    tables: PoseTables, poses: Floats, noise: float, times: Floats, parents: Indices, reached: Indices
+    tables: PoseTables, poses: Floats, noise: float, times: Floats, parents: Integers, reached: Integers
 ) -> Floats:
     """Add up the evidence between hypotheses along the ways; shape (reached, hypotheses, hypotheses)."""
     foretell = Foretelling(tables, noise)
@@ -303,7 +302,7 @@ def _gain(weights: Floats, evidence: Floats) -> Floats:
     return np.asarray(-(weights * np.log(left)).sum(axis=-1))
 
 
-def _first_leg(state: int, parents: Indices) -> tuple[float, float]:
+def _first_leg(state: int, parents: Integers) -> tuple[float, float]:
     """Go back along a way to its first leg: the turn, and how far straight on."""
     chain = [state]
     start = _RADIUS * _SIDE + _RADIUS
@@ -316,5 +315,5 @@ def _first_leg(state: int, parents: Indices) -> tuple[float, float]:
         if entry // _NODES != direction:
             break
         straight += 1
-    angle = math.remainder(float(_ANGLES[direction]), 2.0 * math.pi)
+    angle = short_turn(float(_ANGLES[direction]))
     return angle, straight * float(_LENGTHS[direction])

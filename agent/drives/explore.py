@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.drives.base import Command, Decision, DriveSetup
+from agent.drives.base import Decision, DriveSetup
 from agent.drives.cell_to_cell import CellDrive
 from agent.drives.clearance import PoseSample, free_ways
 from agent.drives.roam import SPRINT, Closed, Roamer
+from ciberrato.arrays import Floats
 from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
-
-Floats = NDArray[np.float64]
 
 LONGEST_LEG = 4.0
 _TURNS = np.deg2rad(np.arange(-165, 181, 15))

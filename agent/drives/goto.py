@@ -7,19 +7,18 @@ import math
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.drives.active import ActiveDrive
-from agent.drives.base import STANDSTILL, Command, Decision, DriveSetup
+from agent.drives.base import Decision, DriveSetup
 from agent.drives.clearance import clearance
 from agent.drives.safety import Bumper
+from ciberrato.arrays import Floats
 from ciberrato.errors import UsageError
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.physics.kinematics import filter_power
+from ciberrato.physics.kinematics import STANDSTILL, Command, filter_wheels
 from ciberrato.protocol.messages import Measures
-
-Floats = NDArray[np.float64]
 
 ARRIVED_WITHIN = 0.15
 """Units from the goal at which the robot stops."""
@@ -77,8 +76,7 @@ class GotoDrive:
     def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
-        left, right = (filter_power(c, w) for c, w in zip(self._last, self._wheels, strict=True))
-        self._wheels = left, right
+        self._wheels = filter_wheels(self._last, self._wheels)
         if self.phase is GotoPhase.ARRIVED:
             return Decision(end_led=True, visiting_led=False, finished="arrived")
         if measures.collision:
@@ -107,7 +105,7 @@ class GotoDrive:
         if math.isinf(self._cost(_nearest(lattice, found.x, found.y))):
             return Decision(finished=f"there is no way to {self._goal[0]:g},{self._goal[1]:g}")
         x, y = self._carrot(lattice, found.x, found.y)
-        bearing = math.remainder(math.atan2(y - found.y, x - found.x) - found.heading, 2.0 * math.pi)
+        bearing = short_turn(math.atan2(y - found.y, x - found.x) - found.heading)
         turning = self._wheels[1] - self._wheels[0]
         if abs(bearing) > _TURN_IN_PLACE:
             rate = min(max(bearing - turning, -0.2), 0.2)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ciberrato.errors import LabError
+from ciberrato.world.coordinates import SensorAngles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from ciberrato.files.run_records import DistanceModel
     from ciberrato.world.lab import Lab, Wall
     from ciberrato.world.parameters import Parameters
-
-Angles = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,7 +111,7 @@ def pose_error_nodes(
 
 
 def compute_ground_truth(
-    lab: Lab, angles: Angles, parameters: Parameters | None = None, *, model: DistanceModel = "sensor"
+    lab: Lab, angles: SensorAngles, parameters: Parameters | None = None, *, model: DistanceModel = "sensor"
 ) -> GroundTruth:
     """Work out the tables at once, in the calling thread.
 
@@ -192,9 +191,9 @@ class GroundTruthWorker:
         As in `compute_ground_truth`.
     """
 
-    def __init__(self, lab: Lab, angles: Angles, *, model: DistanceModel = "sensor") -> None:
+    def __init__(self, lab: Lab, angles: SensorAngles, *, model: DistanceModel = "sensor") -> None:
         self._lab = lab
-        self._angles: Angles = angles
+        self._angles: SensorAngles = angles
         self._model: DistanceModel = model
         self._parameters: Parameters | None = None
         self._announced = threading.Event()

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.bayes.filtering import update
 from ciberrato.bayes.motion.blocked_shift import BlockedShift, Openings
 from ciberrato.infrared.model import reading_log_likelihood
@@ -33,7 +33,6 @@ from ciberrato.infrared.model import reading_log_likelihood
 if TYPE_CHECKING:
     from agent.offline.expected_readings import GroundTruth
 
-Array = NDArray[np.float64]
 Preset = Literal["seed", "calibrated"]
 PRESETS: tuple[Preset, ...] = ("seed", "calibrated")
 
@@ -60,8 +59,8 @@ class Localization:
         The steps at which the filter restarted.
     """
 
-    beliefs: Array
-    log_evidence: Array
+    beliefs: Floats
+    log_evidence: Floats
     recoveries: tuple[int, ...]
 
 
@@ -124,7 +123,7 @@ def localize(
     return Localization(beliefs=np.array(beliefs), log_evidence=log_evidence, recoveries=tuple(recoveries))
 
 
-def seed_log_likelihood(reading: Array, expected: Array) -> Array:
+def seed_log_likelihood(reading: Floats, expected: Floats) -> Floats:
     """Give the published method's log-likelihood of a step in every cell, up to a constant.
 
     Parameters
@@ -144,8 +143,8 @@ def seed_log_likelihood(reading: Array, expected: Array) -> Array:
 
 
 def calibrated_log_likelihood(
-    reading: Array, truth: GroundTruth, obstacle_noise: float, *, at_start: bool
-) -> Array:
+    reading: Floats, truth: GroundTruth, obstacle_noise: float, *, at_start: bool
+) -> Floats:
     """Give the exact log-probability of the rounded readings of a step in every cell.
 
     Parameters
@@ -176,6 +175,6 @@ def calibrated_log_likelihood(
         return np.asarray(scale + np.log(np.exp(each - scale).sum(axis=0)))
 
 
-def _joint(reading: Array, expected: Array, obstacle_noise: float) -> Array:
+def _joint(reading: Floats, expected: Floats, obstacle_noise: float) -> Floats:
     # The sensors' errors are independent: their log-probabilities add up.
     return np.asarray(reading_log_likelihood(reading, expected, obstacle_noise).sum(axis=-1))

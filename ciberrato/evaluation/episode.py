@@ -23,13 +23,12 @@ from ciberrato.localization.grid_filter import PoseFilter
 from ciberrato.localization.staged_filter import StagedFilter
 from ciberrato.localization.tables.cache import cached_tables
 from ciberrato.localization.tables.pose_tables import COARSE, PoseTables
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-
-Command = tuple[float, float]
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 """Mounting angles of the IR sensors, the simulator's defaults."""

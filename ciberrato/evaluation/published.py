@@ -15,12 +15,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.drives.right.controller import Controller
 from agent.drives.right.phases import Phase
 from agent.offline.expected_readings import GroundTruth, compute_ground_truth, standing_room
 from agent.offline.localizer import localize
+from ciberrato.arrays import Floats
 from ciberrato.evaluation.episode import RIGHT_ANGLES, lab_of, tables_of
 from ciberrato.evaluation.report import aligned
 from ciberrato.files.parameters import read_parameters
@@ -31,13 +31,11 @@ from ciberrato.localization.grid_filter import PoseFilter
 from ciberrato.localization.staged_filter import StagedFilter
 from ciberrato.localization.tables.pose_tables import COARSE
 from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-
-Floats = NDArray[np.float64]
-Cell = tuple[int, int]
 
 PRIOR = "centres:0"
 """What both are told: a cell's centre, looking to the right."""

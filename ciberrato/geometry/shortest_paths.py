@@ -16,14 +16,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Booleans, Floats, Indices
 from ciberrato.geometry.walls import WallMap, face_distances
 from ciberrato.world.lab import Lab
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 _STEP = math.radians(3.0)
 """Arcs are looked at in steps of that; in between a wall may come 0.0002 nearer than it should."""
@@ -70,7 +66,7 @@ class _Corners:
     normal: Floats
     turn: Floats
 
-    def __getitem__(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> _Corners:
+    def __getitem__(self, which: Indices | Booleans) -> _Corners:
         return _Corners(self.x[which], self.y[which], self.normal[which], self.turn[which])
 
 
@@ -128,7 +124,7 @@ class DiscPaths:
             near[part] |= (distances < reach).reshape(near[part].shape)
         return near
 
-    def _blocked_samples(self, corners: _Corners) -> list[NDArray[np.bool_]]:
+    def _blocked_samples(self, corners: _Corners) -> list[Booleans]:
         """For each corner, which points of its arc are too near to some wall."""
         blocked = []
         walls, reach = self.walls, 2.0 * self.radius
@@ -247,7 +243,7 @@ class DiscPaths:
         low, high = max(low, 0), min(high, last)
         return high < low or before[high + 1] == before[low]
 
-    def _offsets(self, which: NDArray[np.intp], side: float, ux: Floats, uy: Floats) -> Floats:
+    def _offsets(self, which: Indices, side: float, ux: Floats, uy: Floats) -> Floats:
         """Where on their arcs tangents of direction u touch circles; nan where they do not."""
         corners = self._corners
         touch = np.arctan2(-side * ux, side * uy)

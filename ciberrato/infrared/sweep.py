@@ -13,12 +13,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, SENSOR_OFFSET
-
-Floats = NDArray[np.float64]
 
 _TOUCH = 1e-9
 _TILE = 1.0  # units; size of a neighbourhood

@@ -9,19 +9,11 @@ import numpy as np
 import pytest
 
 from agent.drives import cell_graph as cells
-from agent.drives.cell_graph import (
-    LEAST_ROOM,
-    STEPS,
-    Beginning,
-    Cell,
-    CellGraph,
-    centre,
-    find_stands,
-    join_cells,
-)
+from agent.drives.cell_graph import LEAST_ROOM, STEPS, Beginning, CellGraph, centre, find_stands, join_cells
 from agent.drives.detour import clear_way, shortest_detour
 from ciberrato.geometry.walls import WallMap
 from ciberrato.localization.belief.lattice import Lattice, build_lattice
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import Lab, Wall
 
 NEVER = -math.inf

@@ -6,8 +6,9 @@ import math
 
 from agent.drives.right.phases import TRANSITIONS, Event, Phase
 from agent.drives.right.pilot import Pilot
-from agent.drives.right.tracker import STANDSTILL, CellTracker, Command, Crossing
+from agent.drives.right.tracker import CellTracker, Crossing
 from ciberrato.files.run_records import Cycle, RunHeader
+from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.world.parameters import Parameters
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from agent.drives.right.tracker import STANDSTILL, CellTracker, Command
-from ciberrato.physics.kinematics import MAX_POWER
+from agent.drives.right.tracker import CellTracker
+from ciberrato.physics.kinematics import MAX_POWER, STANDSTILL, Command
 from ciberrato.world.lab import CELL_SIZE
 
 _HEADING_GAIN = 0.4

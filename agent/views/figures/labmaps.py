@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agent.offline.summary import Cell, cell_name
+from agent.offline.summary import cell_name
 from agent.views.figures.canvas import LINE_COLOURS, draw_walls, new_figure, save_figure, set_lab_axes
 from agent.views.figures.conepoint import nearest_point, sensor_point
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, ideal_reading
 from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 
 if TYPE_CHECKING:
