@@ -32,7 +32,7 @@ def make_parser() -> OptionParser:
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     """Draw the animation; return the exit status."""
-    from agent.offline.localization import ground_truth_of, localize_run
+    from agent.offline.localization import expected_readings_of, localize_run
     from agent.views.figures.animation import animate_run, check_animation
     from ciberrato.files.run_log import read_run
     from ciberrato.files.truth import read_truth
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
         raise UsageError(f"--every: {options.every} is not a number of cycles, 1 or more")
     run, (lab, _, _) = read_run(options.run), read_lab_file(options.map)
     poses = None if options.truth is None else read_truth(options.truth)
-    found = localize_run(run, ground_truth_of(run.header, lab))
+    found = localize_run(run, expected_readings_of(run.header, lab))
     frames = animate_run(run, found.beliefs, lab, options.output, truth=poses, every=options.every)
     print(f"animation: {options.output}, {frames} frames")
     return 0

@@ -76,11 +76,11 @@ def _draw_cones(options: argparse.Namespace, lab: Lab) -> None:
 
 
 def _draw_table(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.offline.expected_readings import compute_ground_truth
-    from agent.views.figures.labmaps import ground_truth_maps
+    from agent.offline.expected_readings import compute_expected_readings
+    from agent.views.figures.labmaps import expected_readings_maps
 
-    truth = compute_ground_truth(lab, options.angles, model=options.distance)
-    ground_truth_maps(lab, truth, options.angles, options.output)
+    expected = compute_expected_readings(lab, options.angles, model=options.distance)
+    expected_readings_maps(lab, expected, options.angles, options.output)
 
 
 def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:

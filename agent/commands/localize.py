@@ -46,11 +46,11 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     recorded, lab = _read(options)
     if not recorded.steps:
         raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
-    from agent.offline.localization import ground_truth_of, print_localization, write_localization
+    from agent.offline.localization import expected_readings_of, print_localization, write_localization
 
     interrupts.arm()  # from here on a signal must not harm the file
     header = recorded.header
-    tables = ground_truth_of(header, lab)
+    tables = expected_readings_of(header, lab)
     preset = header.preset if options.preset is None else options.preset
     precision = header.precision if options.precision is None else options.precision
     localization = write_localization(

@@ -1,4 +1,4 @@
-"""``goto:X,Y``: finds out where it is, plans the shortest safe way, drives it, and says so with its LEDs."""
+"""``goto:X,Y``: finds out where it is, plans the shortest safe path, drives it, and says so with its LEDs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ciberrato.protocol.messages import Measures
 ARRIVED_WITHIN = 0.15
 """Units from the goal at which the robot stops."""
 _LEAST_CLEARANCE = 0.58
-_ROOMY = 0.85  # units; ways nearer to walls count as longer
+_AMPLE = 0.85  # units; steps nearer to walls count as longer
 _LOOK_AHEAD = 1.0
 _BACK_OFF = 5  # cycles
 _TURN_IN_PLACE = math.radians(25.0)
@@ -119,7 +119,7 @@ class GotoDrive:
         assert self._costs is not None
         square = _nearest(lattice, x, y)
         reached = (x, y)
-        room = min(_LEAST_CLEARANCE, float(lattice.clearance[square]) - 0.01)
+        least = min(_LEAST_CLEARANCE, float(lattice.clearance[square]) - 0.01)
         for _ in range(round(_LOOK_AHEAD / lattice.resolution)):
             around = [int(lattice.neighbours(dx, dy)[square]) for dx, dy in _STEPS]
             best = min(around, key=lambda other: self._cost(other))
@@ -129,7 +129,7 @@ class GotoDrive:
             place = float(lattice.x[square]), float(lattice.y[square])
             share = np.linspace(0.1, 1.0, 10)
             line_x, line_y = x + share * (place[0] - x), y + share * (place[1] - y)
-            if reached != (x, y) and clearance(lattice, line_x, line_y).min() < room:
+            if reached != (x, y) and clearance(lattice, line_x, line_y).min() < least:
                 return reached
             reached = place
         return reached
@@ -169,7 +169,7 @@ def costs_to(lattice: Lattice, x: float, y: float) -> Floats:
     if math.hypot(lattice.x[goal] - x, lattice.y[goal] - y) > lattice.resolution:
         raise UsageError(f"goto:{x:g},{y:g}: a robot cannot stand there")
     usable = np.append(lattice.clearance >= min(_LEAST_CLEARANCE, lattice.clearance[goal]), False)
-    factor = 1.0 + 4.0 * np.maximum(_ROOMY - lattice.clearance, 0.0)
+    factor = 1.0 + 4.0 * np.maximum(_AMPLE - lattice.clearance, 0.0)
     steps = [(lattice.neighbours(dx, dy), lattice.resolution * math.hypot(dx, dy)) for dx, dy in _STEPS]
     costs = np.full(lattice.size, math.inf)
     costs[goal] = 0.0

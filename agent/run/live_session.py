@@ -130,10 +130,10 @@ class LiveSession(Session):
 
     def _start_worker(self) -> None:
         # The published method's tables are wanted at the end, if at all; until then they are not worked out.
-        from agent.offline.expected_readings import GroundTruthWorker
+        from agent.offline.expected_readings import ExpectedReadingsWorker
 
         settings = self._settings
-        self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
+        self._worker = ExpectedReadingsWorker(settings.lab, settings.angles, model=settings.distance_model)
 
     def _start_tables(self) -> None:
         from ciberrato.localization.tables.worker import TableWorker

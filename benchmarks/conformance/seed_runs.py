@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from agent.drives.right.tracker import CellTracker, Crossing
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import Localization, localize
 from agent.offline.summary import peak
 from benchmarks.conformance.finding import Finding
@@ -109,7 +109,7 @@ def replay(recording: Recording) -> list[Crossing]:
 def filtered(recording: Recording, crossings: list[Crossing], *, calibrated: bool) -> Localization:
     """Run a preset over the readings."""
     parameters = recording.acceptance.parameters
-    truth = compute_ground_truth(default_lab(), recording.registration.angles, parameters)
+    truth = compute_expected_readings(default_lab(), recording.registration.angles, parameters)
     return localize(
         [crossing.readings for crossing in crossings],
         truth,

@@ -4,7 +4,7 @@ A recording is a folder with ``datagrams.jsonl`` (what went over the wire, base6
 x, y, dir_deg) and, if the agent wrote one, ``localization.out``.
 
 When the recorded agent wrote which block of its file is told by the rule of the published method's own agent:
-it takes a reading whenever the way that its motor commands should have led is a whole number of cells.
+it takes a reading whenever the distance that its motor commands should have led is a whole number of cells.
 Where that does not give as many times as there are blocks, a block is compared with the cell entered of its
 number.
 """

@@ -192,7 +192,7 @@ def test_in_the_middle_of_the_run(
 
 def test_before_the_worker_is_done(agent: Callable[..., Agent], fake_simulator: Any) -> None:
     simulator = fake_simulator(PARAMETERS, hold_at=60)
-    process = agent(simulator.port, "call:agent.offline.expected_readings:compute_ground_truth")
+    process = agent(simulator.port, "call:agent.offline.expected_readings:compute_expected_readings")
     process.wait_paused()
     assert simulator.held.wait(PATIENCE)  # the control loop has not waited for the worker
     process.wait_logged(60)

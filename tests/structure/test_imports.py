@@ -17,11 +17,12 @@ ROOT = Path(__file__).parents[2]
 ROOTS = ("ciberrato", "agent", "simulator_stub")  # what is installed
 PACKAGES = (*ROOTS, "examples", "benchmarks")
 # The rooms of the library, and which others each may import.
-WORLD = {"errors", "world"}
+WORLD = {"arrays", "errors", "world"}
 SHAPES = WORLD | {"geometry", "physics"}
 LIBRARY = {
     "version": set(),
     "errors": set(),
+    "arrays": set(),
     "command_line": {"errors", "version"},
     "processes": set(),
     "world": {"errors"},
@@ -32,7 +33,7 @@ LIBRARY = {
     "infrared": SHAPES | {"bayes"},
     "protocol": WORLD,
     "files": WORLD | {"geometry", "protocol"},
-    "overlay": {"errors"},
+    "overlay": {"arrays", "errors"},
     "net": {"errors", "overlay", "protocol"},
     "localization": SHAPES | {"infrared", "processes", "protocol"},
 }

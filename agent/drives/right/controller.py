@@ -126,7 +126,7 @@ class Controller:
             self._happen(Event.START_CELL_READ)
         if self._colliding >= _STUCK:
             self._happen(Event.STUCK)
-        elif self.tracker.rest >= _STANDING and self.tracker.way_left < _NEAR_THE_STOP:
+        elif self.tracker.rest >= _STANDING and self.tracker.distance_left < _NEAR_THE_STOP:
             self._happen(Event.WALL_AHEAD)
         self._check_end(measures)
         return crossing

@@ -44,7 +44,7 @@ class Pilot:
 
     def drive(self, tracker: CellTracker) -> Command:
         """Drive to the right along the middle line, slowing down before a wall."""
-        left = tracker.way_left
+        left = tracker.distance_left
         if left < _CLOSE_ENOUGH and tracker.speed < _CLOSE_ENOUGH:
             return STANDSTILL
         pose = tracker.pose

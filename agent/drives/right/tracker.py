@@ -122,7 +122,7 @@ class CellTracker:
         return self._rest
 
     @property
-    def way_left(self) -> float:
+    def distance_left(self) -> float:
         """Units to drive to the last cell centre before a wall; infinite while no wall is seen ahead."""
         if not self._ahead.certain:
             return math.inf
