@@ -83,9 +83,9 @@ def _rays(walls: WallMap, sensors: Floats, direction: float) -> Floats:
         if run.start == run.stop:
             continue
         slope = (end_u[face] - start_u[face]) / rise[face]
-        way = start_u[face] - start_v[face] * slope + across[run] * slope - along[run]
-        way[way < -_TOUCH] = np.inf
-        np.minimum(best[run], way, out=best[run])
+        reach = start_u[face] - start_v[face] * slope + across[run] * slope - along[run]
+        reach[reach < -_TOUCH] = np.inf
+        np.minimum(best[run], reach, out=best[run])
     result = np.empty_like(best)
     result[order] = np.maximum(best, 0.0)
     return result
