@@ -165,7 +165,7 @@ class Simulation:
         wanted = registration.robot_id
         places = range(1, len(self.world.grid.positions) + 1)
         free = [place for place in places if place not in self._robots]
-        robot_id = wanted if wanted else (free[0] if free else 0)
+        robot_id = wanted if wanted > 0 else (free[0] if free else 0)
         if robot_id not in free:
             return None
         self._robots[robot_id] = self._make_robot(

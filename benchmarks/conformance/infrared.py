@@ -13,7 +13,9 @@ from benchmarks.conformance import Finding
 from benchmarks.conformance.files import numbers, read_named_lab
 from ciberrato.files.lab import read_lab
 from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.exact import exact_distance, hang_on_rounding
 from ciberrato.infrared.model import (
+    SENSOR_OFFSET,
     distances_at,
     ideal_reading,
     other_robot_distance,
@@ -44,7 +46,7 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
 
 
 def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Finding]:
-    cases = single_cases = points = missing = groups = 0
+    cases = single_cases = points = missing = groups = inexact = unlike = 0
     greatest = single_greatest = wall_greatest = 0.0
     first = ""
     for name, recorded in numbers(path, _COLUMNS, "lab"):
@@ -57,9 +59,17 @@ def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Finding]:
         x, y, heading, angle, distance, _ = recorded.T
         # In this order the recording's own arithmetic is repeated to the last bit.
         direction = heading * math.pi / 180.0 + angle / 180.0 * math.pi
-        difference = worst(sensor_distances(walls, x, y, direction), distance)
+        ours = sensor_distances(walls, x, y, direction)
+        difference = worst(ours, distance)
+        for tie in np.flatnonzero(hang_on_rounding(ours)).tolist():
+            at = float(x[tie]), float(y[tie]), float(direction[tie])
+            ours[tie] = exact_distance(walls, *at, SENSOR_OFFSET)
+        unlike += int((round_reading(ideal_reading(ours)) != round_reading(ideal_reading(distance))).sum())
         every = zip(*(values[::_EVERY].tolist() for values in (x, y, direction)), strict=True)
-        single = [distances_at(walls, at_x, at_y, [axis])[0] for at_x, at_y, axis in every]
+        places = list(every)
+        single = [distances_at(walls, at_x, at_y, [axis])[0] for at_x, at_y, axis in places]
+        exact = [exact_distance(walls, at_x, at_y, axis, SENSOR_OFFSET) for at_x, at_y, axis in places]
+        inexact += int((np.array(exact) != distance[::_EVERY]).sum())
         cases += len(recorded)
         single_cases += len(single)
         single_greatest = max(single_greatest, worst(np.array(single), distance[::_EVERY]))
@@ -78,6 +88,14 @@ def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Finding]:
         single_greatest <= TOLERANCE,
         f"every {_EVERY}th row, by the path for one robot",
     )
+    yield Finding(
+        f"infrared: {file}, exact",
+        single_cases,
+        None,
+        inexact == 0,
+        f"every {_EVERY}th row, by the slow path: {inexact} not equal to the last bit",
+    )
+    yield Finding(f"infrared: {file}, readings", cases, None, unlike == 0, f"{unlike} rounded values unlike")
     yield Finding(
         f"infrared: {file}, to walls", points, wall_greatest, wall_greatest <= TOLERANCE, "collision distance"
     )

@@ -192,13 +192,18 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
     return tasks
 
 
-def _find_labs(name: str, folder: Path) -> list[tuple[str, str | None]]:
+def _find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
     from ciberrato.evaluation.labs import MAPS, judged_labs
     from ciberrato.labs import find_lab
 
     if name == "maps":
         return [(shipped, None) for shipped in MAPS]
     if name == "judged":
+        if folder is None:
+            named = os.environ.get("CIBERRATO_LABS")
+            if not named:
+                raise UsageError("--lab judged: name the folder of public labs by --labs or CIBERRATO_LABS")
+            folder = Path(named)
         if not folder.is_dir():
             raise UsageError(f"--labs {folder}: there is no such folder")
         return [(str(lab.path), None if lab.grid is None else str(lab.grid)) for lab in judged_labs(folder)]
@@ -229,7 +234,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="LAB",
         help="name or file; `maps`: all that ship, `judged`: the public ones by the rule; may be given again",
     )
-    add("--labs", type=Path, default=Path("../shared/labs"), metavar="DIR", help="folder of public labs")
+    add("--labs", type=Path, metavar="DIR", help="folder of public labs; default: $CIBERRATO_LABS")
     add("--start", nargs="+", choices=STARTS, default=["centres"])
     add(
         "--prior",

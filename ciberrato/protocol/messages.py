@@ -26,7 +26,7 @@ class RobotRegistration:
     ----------
     name : str or None
     robot_id : int
-        Position in the start grid, counted from 1; 0 = the first free one.
+        Position in the start grid, counted from 1; 0 and below = the first free one.
     sensor_angles : tuple of (int, float)
         (IR sensor id, mounting angle in degrees, counter-clockwise from the front), as sent.
     """

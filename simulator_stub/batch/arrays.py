@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ciberrato.arrays import Floats
 from ciberrato.geometry.angles import wrap_each_once
 from ciberrato.infrared.cone_arrays import many_cone_distances
+from ciberrato.infrared.exact import exact_distance, hang_on_rounding
 from ciberrato.infrared.face_tables import touching
 from ciberrato.infrared.model import CONTACT, SATURATION, SENSOR_OFFSET
 from simulator_stub.batch.motion import cosines_and_sines
@@ -65,11 +66,19 @@ def infrared(plan: BatchPlan, state: BatchState, noise: Floats | None) -> Floats
     -------
     array, shape (worlds, 4)
     """
-    axes = wrap_each_once(state.heading[:, np.newaxis] + np.array(plan.angles))
+    directions = state.heading[:, np.newaxis] + np.array(plan.angles)
+    axes = wrap_each_once(directions)
     cosine, sine = cosines_and_sines(axes)
     x = state.x[:, np.newaxis] + SENSOR_OFFSET * cosine
     y = state.y[:, np.newaxis] + SENSOR_OFFSET * sine
     distances = many_cone_distances(plan.tables, *(array.ravel() for array in (x, y, axes, cosine, sine)))
+    exactly = (np.abs(axes) > math.pi).ravel()
+    if noise is None:
+        exactly |= hang_on_rounding(distances)
+    for sensor in np.flatnonzero(exactly).tolist():
+        robot = sensor // len(plan.angles)
+        place = float(state.x[robot]), float(state.y[robot]), float(directions.flat[sensor])
+        distances[sensor] = exact_distance(plan.tables.walls, *place, SENSOR_OFFSET)
     usable = (distances > CONTACT) & (distances < np.inf)
     readings = np.divide(1.0, distances, out=np.full(distances.shape, SATURATION), where=usable)
     readings = readings.reshape(axes.shape)

@@ -35,12 +35,19 @@ class CellMap:
                 continue
             self._links[cell] = []
             for step in STEPS:
-                if is_open(walls, cell, step):
-                    neighbour = (cell[0] + step[0], cell[1] + step[1])
+                neighbour = (cell[0] + step[0], cell[1] + step[1])
+                if not self._is_inside(neighbour):
+                    self._walls.append((cell, step))
+                elif is_open(walls, cell, step):
                     self._links[cell].append((neighbour, CELL_SIZE))
                     waiting.append(neighbour)
                 else:
                     self._walls.append((cell, step))
+
+    def _is_inside(self, cell: Cell) -> bool:
+        """Whether the centre of a cell is in the lab: whoever starts outside would find no end there."""
+        x, y = (CELL_SIZE * (index + 0.5) for index in cell)
+        return 0.0 < x < self._lab.width and 0.0 < y < self._lab.height
 
     @property
     def links(self) -> Links[Cell]:

@@ -25,6 +25,7 @@ from ciberrato.protocol import (
     GridRequest,
     LabRequest,
     PanelRegistration,
+    PassedOverError,
     Refusal,
     Registration,
     RemoveRobot,
@@ -154,6 +155,8 @@ class Session:
         simulation.end_cycle()
         if simulation.state is not before:
             self._state_changed()
+        while simulation.scoring.notes:
+            self._notify(simulation.scoring.notes.pop(0))
 
     def _read_actions(self) -> None:
         for robot_id, client in self.robots.items():
@@ -174,6 +177,8 @@ class Session:
                 registration = decode_registration(data)
             except ProtocolError as error:
                 self._complain(f"registration from {newcomer.label}: {error}")
+                if isinstance(error, PassedOverError):
+                    continue
                 break
             try:
                 peer = newcomer.accept()

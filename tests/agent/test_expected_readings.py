@@ -6,7 +6,6 @@ import io
 import math
 import threading
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,22 +24,18 @@ from ciberrato.infrared.model import ideal_reading, nearest_in_cone, sensor_dist
 from ciberrato.labs import find_lab
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
+from tests.recordings import OWN
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)
-REPOSITORY = Path(__file__).parents[2]
 
 
 def recorded_readings(lab_name: str) -> dict[tuple[float, float, float], float]:
-    for folder in (REPOSITORY / "tests/data/golden", REPOSITORY.parent / "shared/golden"):
-        path = folder / "ir/own_cell_centres.csv.gz"
-        if path.is_file():
-            rows = csv.DictReader(io.StringIO(gzip.decompress(path.read_bytes()).decode()))
-            return {
-                (float(row["x"]), float(row["y"]), float(row["sensor_angle_deg"])): float(row["distance"])
-                for row in rows
-                if row["lab"].endswith(lab_name) and float(row["dir_deg"]) == 0.0
-            }
-    pytest.skip("the recorded distances are not there")
+    data = gzip.decompress((OWN / "ir/own_cell_centres.csv.gz").read_bytes())
+    return {
+        (float(row["x"]), float(row["y"]), float(row["sensor_angle_deg"])): float(row["distance"])
+        for row in csv.DictReader(io.StringIO(data.decode()))
+        if row["lab"].endswith(lab_name) and float(row["dir_deg"]) == 0.0
+    }
 
 
 @pytest.mark.parametrize("name", ["standard", "corridors", "maze"])

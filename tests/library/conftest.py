@@ -9,33 +9,13 @@ from ciberrato.files.lab import read_lab
 from ciberrato.geometry.walls import WallMap
 from ciberrato.labs import find_lab
 from ciberrato.world.lab import Lab, Wall
-
-REPOSITORY = Path(__file__).parents[2]
-OWN = REPOSITORY / "tests/data/golden"
-SHARED = REPOSITORY / "../shared/golden"
-LABS = REPOSITORY / "../shared/labs"
+from tests.recordings import OWN
 
 
 @pytest.fixture(scope="session")
 def golden() -> Path:
     """Recordings that come with the tests."""
     return OWN
-
-
-@pytest.fixture(scope="session")
-def shared_golden() -> Path:
-    """All recordings; the test is skipped where they are not."""
-    if not SHARED.is_dir():
-        pytest.skip("the full set of recordings is not here")
-    return SHARED
-
-
-@pytest.fixture(scope="session")
-def labs() -> Path:
-    """The public labs; the test is skipped where they are not."""
-    if not LABS.is_dir():
-        pytest.skip("the public labs are not here")
-    return LABS
 
 
 @pytest.fixture(scope="session")

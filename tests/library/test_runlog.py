@@ -1,6 +1,7 @@
 """The agent's log: what is written is read back; broken logs are refused by line."""
 
 import dataclasses
+import itertools
 import json
 from pathlib import Path
 
@@ -110,6 +111,7 @@ def _change(line: str, **values: object) -> str:
         (3, lambda line: _change(line, command="none"), ":3: command"),
         (4, lambda line: _change(line, step=2), ":4: step 2 where step 1 was due"),
     ],
+    ids=itertools.count(),
 )
 def test_broken_lines_are_named(log: Path, number: int, broken, complaint: str) -> None:
     lines = log.read_text().splitlines()
