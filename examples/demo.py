@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import IO
 
 from agent.offline.summary import step_table
-from agent.offline.truth_file import read_truth, true_cells
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.lab import read_lab
 from ciberrato.files.run_log import read_run
+from ciberrato.files.truth import read_truth, true_cells
 from ciberrato.labs import find_lab
 
 LAB = "standard"

@@ -13,14 +13,14 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives.base import Command, Decision
+from agent.drives.base import Decision
 from agent.drives.clearance import SAFE_CLEARANCE, PoseSample, arc_clearances, draw
 from agent.drives.safety import Bumper
+from ciberrato.arrays import Floats
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.physics.kinematics import MAX_POWER, filter_power
+from ciberrato.physics.kinematics import MAX_POWER, Command, filter_wheels
 from ciberrato.protocol.messages import Measures
-
-Floats = NDArray[np.float64]
 
 _TURN_POWER = 0.15
 SPRINT = 1.5
@@ -95,10 +95,7 @@ class Barred:
         return np.asarray(barred | (np.abs(turns) < bumper.closed))
 
     def _bars(self, turn: float) -> bool:
-        return any(
-            abs(math.remainder(turn + self._turned - heading, 2.0 * math.pi)) < _BARRED
-            for heading in self._headings
-        )
+        return any(abs(short_turn(turn + self._turned - heading)) < _BARRED for heading in self._headings)
 
 
 Closed = Callable[[Floats], NDArray[np.bool_]]
@@ -176,8 +173,8 @@ class Roamer:
         self.phase = LegPhase.CHOOSING
 
     def _dead_reckon(self) -> None:
-        left, right = (filter_power(c, w) for c, w in zip(self._last, self._wheels, strict=True))
-        self._wheels = left, right
+        self._wheels = filter_wheels(self._last, self._wheels)
+        left, right = self._wheels
         self._barred.turn(right - left)
         if self.phase is LegPhase.TURNING:
             self._to_turn -= right - left

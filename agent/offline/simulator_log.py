@@ -12,13 +12,13 @@ import hashlib
 from pathlib import Path
 
 from agent.drives.right.controller import make_cycle
-from agent.drives.right.tracker import STANDSTILL, CellTracker
+from agent.drives.right.tracker import CellTracker
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
 from ciberrato.files.simulator_log import LogStream
+from ciberrato.physics.kinematics import STANDSTILL
+from ciberrato.world.coordinates import SensorAngles
 from ciberrato.world.lab import Lab
-
-Angles = tuple[float, float, float, float]
 
 
 def is_simulator_log(path: Path) -> bool:
@@ -53,7 +53,7 @@ def is_simulator_log(path: Path) -> bool:
 
 
 def run_from_simulator_log(
-    path: Path, angles: Angles, *, robot: int | None = None
+    path: Path, angles: SensorAngles, *, robot: int | None = None
 ) -> tuple[RecordedRun, Lab]:
     """Read one robot's run from a simulator's log.
 

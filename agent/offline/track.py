@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.offline.summary import peak
+from ciberrato.arrays import Floats
 from ciberrato.files.run_records import RecordedRun
 from ciberrato.world.lab import CELL_SIZE
 
-Array = NDArray[np.float64]
 
-
-def estimated_track(run: RecordedRun, beliefs: Array) -> Array | None:
+def estimated_track(run: RecordedRun, beliefs: Floats) -> Floats | None:
     """Put the way that was driven where the last belief says that it ended.
 
     The log tells the way relative to the start cell; the most likely cell of the last step, so many cells to

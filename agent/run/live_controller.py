@@ -7,9 +7,9 @@ import math
 from typing import TYPE_CHECKING
 
 from agent.drives.right.controller import Controller
-from agent.drives.right.tracker import STANDSTILL, Command
 from agent.run.live_belief import BeliefLog
 from ciberrato.files.run_records import Cycle, RunHeader
+from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
 
 if TYPE_CHECKING:

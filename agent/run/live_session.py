@@ -100,13 +100,14 @@ class LiveSession(Session):
         """Load what the loop will need: later, that would cost it its first cycles."""
         import gc
 
-        import agent.drives
         import agent.offline.expected_readings
         import agent.run.live_controller  # noqa: F401
         import ciberrato.files.run_log
         import ciberrato.localization.live_filter  # noqa: F401
+        from agent.drives.registry import load_drive
         from ciberrato.localization.belief import compiled
 
+        load_drive(self._live_settings.drive)
         if compiled.at_hand():
             assert self._tables is not None
             self._tables.wait_for_loops()
@@ -129,10 +130,10 @@ class LiveSession(Session):
 
     def _start_worker(self) -> None:
         # The published method's tables are wanted at the end, if at all; until then they are not worked out.
-        from agent.offline.expected_readings import GroundTruthWorker
+        from agent.offline.expected_readings import ExpectedReadingsWorker
 
         settings = self._settings
-        self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
+        self._worker = ExpectedReadingsWorker(settings.lab, settings.angles, model=settings.distance_model)
 
     def _start_tables(self) -> None:
         from ciberrato.localization.tables.worker import TableWorker

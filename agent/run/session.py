@@ -16,7 +16,7 @@ from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simu
 
 if TYPE_CHECKING:
     from agent.drives.right.controller import Controller
-    from agent.offline.expected_readings import GroundTruthWorker
+    from agent.offline.expected_readings import ExpectedReadingsWorker
     from agent.run.reporter import Reporter
     from agent.run.signals import Interrupts
     from ciberrato.files.run_log import RunWriter
@@ -101,7 +101,7 @@ class Session:
         self._settings = settings
         self._interrupts = interrupts
         self._reporter = reporter
-        self._worker: GroundTruthWorker | None = None
+        self._worker: ExpectedReadingsWorker | None = None
         self._header: RunHeader | None = None
         self._cycles: list[Cycle] = []
 
@@ -145,10 +145,10 @@ class Session:
 
     def _start_worker(self) -> None:
         # Not before the registration is on its way: its imports take most of the start.
-        from agent.offline.expected_readings import GroundTruthWorker
+        from agent.offline.expected_readings import ExpectedReadingsWorker
 
         settings = self._settings
-        self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
+        self._worker = ExpectedReadingsWorker(settings.lab, settings.angles, model=settings.distance_model)
         self._worker.start()
 
     def _drive(self, link: Link, answer: Answer) -> str:
@@ -227,7 +227,7 @@ class Session:
             if controller.ended is not None:
                 return controller.ended
             if self._worker is not None and self._worker.error is not None:
-                return "the ground truth failed"
+                return "the expected readings failed"
             now = time.monotonic()
             if measures:
                 heard = now

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.offline.localization import ground_truth_of, localize_run
+from agent.offline.localization import expected_readings_of, localize_run
 from agent.offline.summary import heat_map, step_table
 from agent.views.logfollower import LogFollower, follow
 from ciberrato.files.run_records import RecordedRun
 
 if TYPE_CHECKING:
-    from agent.offline.expected_readings import GroundTruth
+    from agent.offline.expected_readings import ExpectedReadings
     from ciberrato.world.lab import Lab
 
 INTERVAL = 0.2
@@ -68,26 +68,26 @@ def watch(
         print(_screen_of(follower, lab, None, colour)[0], file=out)
         return
     print(_CLEAR_ALL, end="", file=out, flush=True)
-    truth: GroundTruth | None = None
+    expected: ExpectedReadings | None = None
     for follower in follow(path, interval=INTERVAL, ended=ended, idle_limit=idle_limit):
-        text, truth = _screen_of(follower, lab, truth, colour)
+        text, expected = _screen_of(follower, lab, expected, colour)
         lines = text.split("\n")[: shutil.get_terminal_size().lines - 1]
         print(_HOME + "".join(line + _CLEAR_LINE + "\n" for line in lines) + _CLEAR_BELOW, end="", file=out)
         out.flush()
 
 
 def _screen_of(
-    follower: LogFollower, lab: Lab, truth: GroundTruth | None, colour: bool
-) -> tuple[str, GroundTruth | None]:
-    if follower.header is not None and truth is None:
-        truth = ground_truth_of(follower.header, lab)
+    follower: LogFollower, lab: Lab, expected: ExpectedReadings | None, colour: bool
+) -> tuple[str, ExpectedReadings | None]:
+    if follower.header is not None and expected is None:
+        expected = expected_readings_of(follower.header, lab)
     size = shutil.get_terminal_size()
-    return screen(follower.run, truth, width=size.columns, height=size.lines, colour=colour), truth
+    return screen(follower.run, expected, width=size.columns, height=size.lines, colour=colour), expected
 
 
 def screen(
     run: RecordedRun | None,
-    truth: GroundTruth | None,
+    expected: ExpectedReadings | None,
     *,
     width: int = 80,
     height: int = 24,
@@ -99,7 +99,7 @@ def screen(
     ----------
     run : RecordedRun or None
         So far.
-    truth : GroundTruth or None
+    expected : ExpectedReadings or None
     width, height : int
         Of the terminal.
     colour : bool
@@ -109,7 +109,7 @@ def screen(
     str
         At most `height` - 1 lines of at most `width` characters (escapes aside).
     """
-    if run is None or not run.cycles or truth is None:
+    if run is None or not run.cycles or expected is None:
         return "waiting for the log of a run"
     header, last = run.header, run.cycles[-1]
     button = "running" if last.start else "stopped" if last.stop else "finished"
@@ -127,7 +127,7 @@ def screen(
         f"way {last.displacement:.2f}  beside {last.lateral:+.2f}  heading {last.heading:+.1f}°",
         "",
     ]
-    found = localize_run(run, truth)
+    found = localize_run(run, expected)
     table = step_table(found.beliefs).split("\n")
     picture = heat_map(found.beliefs[-1], width=width, colour=colour).split("\n")
     room = height - 1 - len(lines) - len(picture) - 2

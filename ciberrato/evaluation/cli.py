@@ -141,10 +141,10 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _published(options: argparse.Namespace) -> int:
-    from ciberrato.evaluation.published import Order, compare_with_published, published_table
+    from ciberrato.evaluation.published import LabTask, compare_with_published, published_table
 
-    orders = [
-        Order(
+    tasks = [
+        LabTask(
             lab=lab,
             resolution=_resolution(lab) if options.resolution is None else options.resolution,
             runs=options.seeds,
@@ -152,7 +152,7 @@ def _published(options: argparse.Namespace) -> int:
         for name in options.lab or ["standard"]
         for lab, _ in _find_labs(name, options.labs)
     ]
-    compared = list(compare_with_published(orders, jobs=options.jobs))
+    compared = list(compare_with_published(tasks, jobs=options.jobs))
     print(published_table(compared))
     return 0
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives import make_drive
+from agent.drives.registry import DRIVES, RIGHT, make_drive, read_place
 from agent.drives.right.phases import Phase
 from ciberrato.evaluation.record import Record
 from ciberrato.evaluation.starts import elsewhere, reachable, start_pose
@@ -23,13 +23,12 @@ from ciberrato.localization.grid_filter import PoseFilter
 from ciberrato.localization.staged_filter import StagedFilter
 from ciberrato.localization.tables.cache import cached_tables
 from ciberrato.localization.tables.pose_tables import COARSE, PoseTables
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-
-Command = tuple[float, float]
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 """Mounting angles of the IR sensors, the simulator's defaults."""
@@ -153,7 +152,7 @@ def _parameters(task: Task) -> Parameters:
 
 
 def _angles(task: Task) -> tuple[float, float, float, float]:
-    return RIGHT_ANGLES if task.drive == "right" else ANGLES
+    return RIGHT_ANGLES if task.drive == RIGHT else ANGLES
 
 
 def _driver(
@@ -165,15 +164,15 @@ def _driver(
     room: NDArray[np.bool_],
     generator: np.random.Generator,
 ) -> Driver:
-    if task.drive == "right":
+    if task.drive == RIGHT:
         return _right_driver(parameters, angles)
     goal = None
-    if task.drive == "goto":
+    if DRIVES[task.drive].argument is read_place:
         roomy = np.flatnonzero(room & (tables.lattice.clearance >= 0.7))
         chosen = int(generator.choice(roomy))
         goal = (float(tables.lattice.x[chosen]), float(tables.lattice.y[chosen]))
-    stop = task.drive != "active"  # in an evaluation the run goes on, to see whether the claim lasts
-    drive = make_drive(task.drive, lab, parameters, angles, goal=goal, stop_when_localized=stop)
+    # In an evaluation the run goes on, to see whether the claim lasts.
+    drive = make_drive(task.drive, lab, parameters, angles, goal=goal, stop_when_localized=False)
 
     def decide(measures: Measures, pose_filter: PoseFilter) -> tuple[Command, str | None]:
         decision = drive.decide(measures, pose_filter)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, TRUTH_PERIOD, Outcome, Task
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.estimate import CLAIM_RADIUS, CLAIM_TURN, probability_near
 from ciberrato.localization.grid_filter import PoseFilter
-
-Pose = tuple[float, float, float]
+from ciberrato.world.coordinates import Pose
 
 
 class Record:
@@ -70,7 +70,7 @@ class Record:
         """
         found = pose_filter.estimate()
         self._place_error = math.hypot(found.x - pose[0], found.y - pose[1])
-        turn = math.remainder(found.heading - pose[2], 2.0 * math.pi)
+        turn = short_turn(found.heading - pose[2])
         self._turn_error = abs(math.degrees(turn))
         self._right = self._place_error <= CLAIM_RADIUS and abs(turn) <= CLAIM_TURN
         self._claim, self._probability = found.certain, found.probability

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.overlay import KINDS, GridBelief, OverlayMessage, Shape
+from ciberrato.world.coordinates import Point
 from ciberrato.world.lab import Lab
 
 MOST_SOURCES = 32
@@ -22,8 +23,7 @@ MOST_BELIEF_BYTES = 16_000_000
 """Of all sources together; beyond it every second one of the older half of the greatest is forgotten."""
 
 MOST_MODES = 6
-Place = tuple[float, float]
-PlaceOf = Callable[[int, int], Place | None]
+PlaceOf = Callable[[int, int], Point | None]
 _LEVELS = 65535
 _KIND_NAMES = {record: kind for kind, record in KINDS.items()}
 
@@ -239,7 +239,7 @@ def _thin(source: Source) -> None:
     source.beliefs = source.beliefs[:half:2] + source.beliefs[half:]
 
 
-def _stored(belief: GridBelief, time: int, place: Place | None, lab: Lab | None) -> StoredBelief:
+def _stored(belief: GridBelief, time: int, place: Point | None, lab: Lab | None) -> StoredBelief:
     cells = belief.cells / belief.cells.sum()
     positive = cells[cells > 0.0]
     peak = float(cells.max())
@@ -254,7 +254,7 @@ def _stored(belief: GridBelief, time: int, place: Place | None, lab: Lab | None)
 
 
 def _probability_at(
-    cells: NDArray[np.float64], belief: GridBelief, place: Place | None, lab: Lab | None
+    cells: NDArray[np.float64], belief: GridBelief, place: Point | None, lab: Lab | None
 ) -> float | None:
     if place is None or (lab is None and belief.extent is None):
         return None

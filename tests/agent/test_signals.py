@@ -107,7 +107,12 @@ def agent(tmp_path: Path) -> Iterator[Callable[..., Agent]]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize(
     "place",
-    ["import:agent.commands", "import:argparse", "call:agent.commands:_settings", "import:agent.run.session"],
+    [
+        "import:agent.commands",
+        "import:argparse",
+        "call:agent.commands.drive:settings_of",
+        "import:agent.run.session",
+    ],
 )
 def test_before_there_is_anything_to_save_it_ends_at_once(
     agent: Callable[..., Agent], place: str, number: int
@@ -187,7 +192,7 @@ def test_in_the_middle_of_the_run(
 
 def test_before_the_worker_is_done(agent: Callable[..., Agent], fake_simulator: Any) -> None:
     simulator = fake_simulator(PARAMETERS, hold_at=60)
-    process = agent(simulator.port, "call:agent.offline.expected_readings:compute_ground_truth")
+    process = agent(simulator.port, "call:agent.offline.expected_readings:compute_expected_readings")
     process.wait_paused()
     assert simulator.held.wait(PATIENCE)  # the control loop has not waited for the worker
     process.wait_logged(60)

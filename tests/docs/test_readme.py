@@ -132,9 +132,8 @@ def test_the_demo_ends_where_the_readme_says(tmp_path):
 
 
 def test_every_run_of_the_agent_is_one_that_its_command_line_takes():
-    from agent.commands import SHOW_COMMANDS, _run_parser
+    from agent.commands import SUBCOMMANDS, drive
 
-    subcommands = ("localize", "inspect", *SHOW_COMMANDS)
     runs = [shlex.split(command)[1:] for command in commands() if command.startswith("ciberrato-agent ")]
-    parsed = [_run_parser().parse_args(words) for words in runs if words[0] not in subcommands]
+    parsed = [drive.make_parser().parse_args(words) for words in runs if words[0] not in SUBCOMMANDS]
     assert [options.drive for options in parsed] == [("right", None), ("goto", (27.0, 13.0))]

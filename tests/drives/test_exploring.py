@@ -9,8 +9,10 @@ import types
 import numpy as np
 import pytest
 
-from agent.drives import Decision, ExploreDrive, make_drive
+from agent.drives import make_drive
+from agent.drives.base import Decision
 from agent.drives.cell_to_cell import CellDrive
+from agent.drives.explore import ExploreDrive
 from agent.drives.roam import Roamer
 from agent.run.live_controller import LiveController
 from ciberrato.files.run_log import Cycle, RunHeader

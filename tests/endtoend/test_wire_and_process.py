@@ -10,7 +10,7 @@ import threading
 import numpy as np
 import pytest
 
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import localize
 from benchmarks.accuracy import ANGLES, drive, random_start
 from ciberrato.files.beliefs import read_beliefs
@@ -68,7 +68,7 @@ def test_the_wire_changes_nothing(transport, lab_name, seed, tmp_path):
     readings, beliefs = over_the_wire(transport, lab_name, start, seed, tmp_path)
     assert readings == [crossing.readings for crossing in here.crossings]
     assert len(readings) == here.expected_steps
-    expected = localize(readings, compute_ground_truth(lab, ANGLES, Parameters())).beliefs
+    expected = localize(readings, compute_expected_readings(lab, ANGLES, Parameters())).beliefs
     np.testing.assert_allclose(beliefs, expected, atol=0.00051)
 
 

@@ -12,7 +12,7 @@ from ciberrato.evaluation.cli import main
 from ciberrato.evaluation.comparison import compare
 from ciberrato.evaluation.episode import run_task
 from ciberrato.evaluation.labs import judged_labs, public_labs, tuning_labs
-from ciberrato.evaluation.published import Compared, Order, Step
+from ciberrato.evaluation.published import Compared, LabTask, Step
 from ciberrato.evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
 from ciberrato.evaluation.runner import read_evaluation, run_tasks
 from ciberrato.evaluation.task import Outcome, Task
@@ -327,7 +327,7 @@ def test_a_strip_beside_the_cells_belongs_to_the_last_ones(tmp_path, capsys):
 
 def test_worse_is_said_where_it_is_so():
     def compared(published, ours):
-        return Compared(Order("a", 0.1, 1), ((Step(0, published, ours),),))
+        return Compared(LabTask("a", 0.1, 1), ((Step(0, published, ours),),))
 
     assert not compared((0.5, 1.0), (0.5, 1.0)).worse
     assert not compared((0.5, 0.5), (0.9, 1.0)).worse
@@ -335,4 +335,4 @@ def test_worse_is_said_where_it_is_so():
     assert compared((0.5, 1.0), (0.9, 0.0)).worse
     # The last steps count by themselves.
     good, bad = Step(0, (0.1, 0.0), (0.9, 1.0)), Step(1, (0.9, 1.0), (0.5, 1.0))
-    assert Compared(Order("a", 0.1, 1), ((good, bad),)).worse
+    assert Compared(LabTask("a", 0.1, 1), ((good, bad),)).worse

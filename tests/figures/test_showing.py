@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agent.cli import main
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import localize
 from agent.views.logfollower import LogFollower
 from agent.views.watching import screen, watch
@@ -55,7 +55,8 @@ def run(tmp_path_factory):
     (folder / "truth.csv").write_text("\n".join(truth) + "\n")
     readings = [crossing.readings for crossing in driven.crossings]
     write_beliefs(
-        folder / "localization.out", localize(readings, compute_ground_truth(lab, ANGLES, parameters)).beliefs
+        folder / "localization.out",
+        localize(readings, compute_expected_readings(lab, ANGLES, parameters)).beliefs,
     )
     return folder
 
@@ -160,7 +161,7 @@ def test_a_log_is_followed_line_by_line(run, tmp_path):
 def test_the_screen_fits_the_terminal(run, lab_name):
     follower = LogFollower(run / "run.jsonl")
     follower.poll()
-    truth = compute_ground_truth(read_lab(find_lab(lab_name)), ANGLES)
+    truth = compute_expected_readings(read_lab(find_lab(lab_name)), ANGLES)
     text = screen(follower.run, truth, width=80, height=24)
     assert len(text.splitlines()) < 24
     assert max(map(len, text.splitlines())) <= 80

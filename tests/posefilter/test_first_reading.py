@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agent.offline.expected_readings import standing_room
+from agent.offline.expected_readings import standable_cells
 from ciberrato.infrared.model import cell_readings, reading_log_likelihood, round_reading
 from ciberrato.localization.evidence.start_prior import parse_start
 from ciberrato.localization.grid_filter import PoseFilter
@@ -32,7 +32,7 @@ def test_it_says_what_the_exact_model_says(small_lab, coarse_tables, cell):
     seen = round_reading(readings[cell] + np.array([0.1, -0.1, 0.05, 0.0]))
     pose_filter = PoseFilter(small_lab, coarse_tables, parameters, start="centres:0")
     pose_filter.observe(measures(seen), None)
-    exact = np.exp(reading_log_likelihood(seen, readings, 0.1).sum(axis=-1)) * standing_room(small_lab)
+    exact = np.exp(reading_log_likelihood(seen, readings, 0.1).sum(axis=-1)) * standable_cells(small_lab)
     exact /= exact.sum()
     # Expected readings are kept in steps, and a small share of readings is allowed to be anything.
     assert by_cell(pose_filter, small_lab) == pytest.approx(exact, abs=0.08)

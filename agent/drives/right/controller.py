@@ -6,8 +6,9 @@ import math
 
 from agent.drives.right.phases import TRANSITIONS, Event, Phase
 from agent.drives.right.pilot import Pilot
-from agent.drives.right.tracker import STANDSTILL, CellTracker, Command, Crossing
+from agent.drives.right.tracker import CellTracker, Crossing
 from ciberrato.files.run_records import Cycle, RunHeader
+from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.world.parameters import Parameters
 
@@ -125,7 +126,7 @@ class Controller:
             self._happen(Event.START_CELL_READ)
         if self._colliding >= _STUCK:
             self._happen(Event.STUCK)
-        elif self.tracker.rest >= _STANDING and self.tracker.way_left < _NEAR_THE_STOP:
+        elif self.tracker.rest >= _STANDING and self.tracker.distance_left < _NEAR_THE_STOP:
             self._happen(Event.WALL_AHEAD)
         self._check_end(measures)
         return crossing

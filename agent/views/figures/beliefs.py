@@ -9,17 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.offline.summary import Cell, cell_name, normalized_entropy, peak
+from agent.offline.summary import cell_name, normalized_entropy, peak
 from agent.views.figures.canvas import TRUE_COLOUR, draw_walls, new_figure, save_figure, set_lab_axes
+from ciberrato.arrays import Floats
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
-
-Array = NDArray[np.float64]
 
 
 def belief_panels(
-    beliefs: Array,
+    beliefs: Floats,
     path: str | os.PathLike[str],
     *,
     lab: Lab | None = None,
@@ -90,7 +89,7 @@ def probability_scale() -> Any:
 
 
 def draw_belief(
-    axis: Any, belief: Array, norm: Any, lab: Lab | None = None, truth: Cell | None = None
+    axis: Any, belief: Floats, norm: Any, lab: Lab | None = None, truth: Cell | None = None
 ) -> Any:
     """Draw one belief.
 
@@ -145,7 +144,7 @@ def ring_cell(axis: Any, cell: Cell) -> None:
     axis.plot(*centre, "o", markersize=9, fillstyle="none", color=TRUE_COLOUR, markeredgewidth=1.4, zorder=4)
 
 
-def _panel_title(index: int, belief: Array) -> str:
+def _panel_title(index: int, belief: Floats) -> str:
     if index == 0:
         return "prior"
     name = "start" if index == 1 else f"step {index - 1}"

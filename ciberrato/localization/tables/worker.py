@@ -181,9 +181,9 @@ class TableWorker:
         return tables
 
     def _compute(self, which: str, resolution: float, path: Path) -> None:
-        from ciberrato.localization.tables.build import Order
+        from ciberrato.localization.tables.build import TableRequest
 
-        order = pickle.dumps(Order(self._lab, self._angles, resolution, 2, path))
+        request = pickle.dumps(TableRequest(self._lab, self._angles, resolution, 2, path))
         # A signal from the terminal is for the agent, which still needs the tables: hence the new session.
         self._process = subprocess.Popen(
             module_command("ciberrato.localization.tables.build"),
@@ -196,7 +196,7 @@ class TableWorker:
         with self._process as process:
             assert process.stdin is not None
             assert process.stdout is not None
-            process.stdin.write(order)
+            process.stdin.write(request)
             process.stdin.close()
             for line in process.stdout:
                 if line.startswith(b"memory "):

@@ -1,43 +1,16 @@
-"""The parser that all subcommands share, and what several of them read."""
+"""The files that command lines name: read, or refused before the work begins."""
 
 from __future__ import annotations
 
-import argparse
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agent import optiontypes
 from agent.run.reporter import Reporter
-from ciberrato.command_line import ProgramParser
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
     from ciberrato.world.lab import Lab
-
-DEFAULT_OUTPUT = Path("localization.out")
-
-PRESETS = ("calibrated", "seed")
-DISTANCES = ("sensor", "cone")
-# As in ciberrato.files.run_records, which is not imported yet: making its records takes time that the
-# registration should not wait for.
-
-
-class OptionParser(ProgramParser):
-    """The parser of all subcommands: ``-h`` is left for the host.
-
-    Parameters
-    ----------
-    usage : str
-        Program and subcommand.
-    description : str
-    """
-
-    def __init__(self, usage: str, description: str) -> None:
-        super().__init__(
-            usage, description, add_help=False, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
-        self.add_argument("--help", action="help", help="show this and end")
 
 
 def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
@@ -77,37 +50,6 @@ def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
     return lab, path, data
 
 
-def add_output(parser: argparse.ArgumentParser) -> None:
-    """Add ``--output``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-    """
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=DEFAULT_OUTPUT,
-        metavar="FILE",
-        help=f"belief file; default: {DEFAULT_OUTPUT}",
-    )
-
-
-def add_precision(parser: argparse.ArgumentParser, default: int | None) -> None:
-    """Add ``--precision``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-    default : int or None
-        None = that of the run.
-    """
-    shown = "that of the run" if default is None else default
-    text = f"decimals, 2 to 17; default: {shown}"
-    parser.add_argument("--precision", type=optiontypes.precision, default=default, metavar="N", help=text)
-
-
 def check_output(path: Path) -> None:
     """Refuse a file that cannot be written, before the run and not after it.
 
@@ -127,3 +69,12 @@ def check_output(path: Path) -> None:
         raise UsageError(f"{path}: there is no directory {folder}")
     if not os.access(folder, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
         raise UsageError(f"{path}: cannot be written: permission denied")
+
+
+def check_size(shape: tuple[int, ...], lab: Lab) -> None:
+    """Refuse beliefs that are not of this lab: rows or columns differ."""
+    if shape[1:] != (lab.rows, lab.columns):
+        raise UsageError(
+            f"the beliefs have {shape[1]} x {shape[2]} cells, but the lab {lab.name!r} has {lab.rows} x "
+            f"{lab.columns}: give the lab of that run (-m)"
+        )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agent import optiontypes
-from agent.optionparser import PRESETS, OptionParser, add_output, add_precision, check_output, read_lab_file
+from agent.commands import option_types
+from agent.commands.files import check_output, read_lab_file
+from agent.commands.parser import PRESETS, OptionParser, add_output, add_precision
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
@@ -19,13 +19,12 @@ if TYPE_CHECKING:
     from ciberrato.world.lab import Lab
 
 
-def localize(words: Sequence[str], interrupts: Interrupts) -> int:
+def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     """Run the filter over a log, of the agent or of a simulator, and write the belief file.
 
     Parameters
     ----------
-    words : sequence of str
-        Command line after the subcommand.
+    options : argparse.Namespace
     interrupts : Interrupts
         Installed.
 
@@ -39,29 +38,30 @@ def localize(words: Sequence[str], interrupts: Interrupts) -> int:
     CiberratoError
         For what the user can put right.
     """
-    options = _parser().parse_args(words)
     check_output(options.output)
     if options.animate is not None:
         from agent.views.figures.animation import check_animation
 
         check_animation(options.animate)
-    run, lab = _read(options)
-    if not run.steps:
+    recorded, lab = _read(options)
+    if not recorded.steps:
         raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
-    from agent.offline.localization import ground_truth_of, print_localization, write_localization
+    from agent.offline.localization import expected_readings_of, print_localization, write_localization
 
     interrupts.arm()  # from here on a signal must not harm the file
-    header = run.header
-    tables = ground_truth_of(header, lab)
+    header = recorded.header
+    tables = expected_readings_of(header, lab)
     preset = header.preset if options.preset is None else options.preset
     precision = header.precision if options.precision is None else options.precision
-    localization = write_localization(run, tables, preset=preset, output=options.output, precision=precision)
+    localization = write_localization(
+        recorded, tables, preset=preset, output=options.output, precision=precision
+    )
     if not options.quiet:
         print_localization(localization, options.output)
     if options.animate is not None:
         from agent.views.figures.animation import animate_run
 
-        frames = animate_run(run, localization.beliefs, lab, options.animate)
+        frames = animate_run(recorded, localization.beliefs, lab, options.animate)
         Reporter(quiet=options.quiet).say(f"animation: {options.animate}, {frames} frames")
     return 0
 
@@ -90,7 +90,8 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
     return run, lab
 
 
-def _parser() -> OptionParser:
+def make_parser() -> OptionParser:
+    """Return the parser of the subcommand."""
     parser = OptionParser(
         f"{PROGRAM} localize",
         "Run the filter over the log of a run and write the belief file. The log is the agent's (run.jsonl)\n"
@@ -104,14 +105,14 @@ def _parser() -> OptionParser:
     add_precision(parser, default=None)
     add(
         "--angles",
-        type=optiontypes.angles,
+        type=option_types.angles,
         default=(0.0, 90.0, -90.0, 180.0),
         metavar="A,B,C,D",
         help="of the IR sensors, where a simulator's log does not tell; default: 0,90,-90,180",
     )
     add(
         "--robot",
-        type=optiontypes.count,
+        type=option_types.count,
         metavar="N",
         help="which one of a simulator's log; default: the first",
     )

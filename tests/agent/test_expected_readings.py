@@ -12,8 +12,8 @@ import pytest
 
 import agent.offline.expected_readings
 from agent.offline.expected_readings import (
-    GroundTruthWorker,
-    compute_ground_truth,
+    ExpectedReadingsWorker,
+    compute_expected_readings,
     pose_error,
     pose_error_nodes,
 )
@@ -41,7 +41,7 @@ def recorded_readings(lab_name: str) -> dict[tuple[float, float, float], float]:
 @pytest.mark.parametrize("name", ["standard", "corridors", "maze"])
 def test_readings_are_those_of_the_real_sensor(name: str) -> None:
     recorded = recorded_readings(f"{name}_lab.xml")
-    truth = compute_ground_truth(read_lab(find_lab(name)), ANGLES)
+    truth = compute_expected_readings(read_lab(find_lab(name)), ANGLES)
     rows, columns, _ = truth.readings.shape
     assert (rows, columns) == (7, 14)
     for row in range(rows):
@@ -53,7 +53,7 @@ def test_readings_are_those_of_the_real_sensor(name: str) -> None:
 
 
 def test_nothing_is_fixed_to_one_size() -> None:
-    truth = compute_ground_truth(read_lab(find_lab("wide")), ANGLES, Parameters())
+    truth = compute_expected_readings(read_lab(find_lab("wide")), ANGLES, Parameters())
     assert truth.readings.shape == (14, 28, 4)
     assert truth.east.shape == (14, 27)
     assert truth.north.shape == (13, 28)
@@ -63,7 +63,7 @@ def test_nothing_is_fixed_to_one_size() -> None:
 
 
 def test_the_second_model_is_the_nearest_point_of_the_cone(standard: Lab) -> None:
-    sensor, cone = (compute_ground_truth(standard, ANGLES, model=model) for model in ("sensor", "cone"))
+    sensor, cone = (compute_expected_readings(standard, ANGLES, model=model) for model in ("sensor", "cone"))
     walls = WallMap.from_lab(standard)
     expected = ideal_reading(nearest_in_cone(walls, 9.0, 3.0, np.radians(ANGLES)))
     np.testing.assert_array_equal(cone.readings[1, 4], expected)
@@ -71,7 +71,7 @@ def test_the_second_model_is_the_nearest_point_of_the_cone(standard: Lab) -> Non
 
 
 def test_spread_holds_the_readings_at_displaced_poses(standard: Lab) -> None:
-    truth = compute_ground_truth(standard, ANGLES, Parameters(motors_noise=3.0))
+    truth = compute_expected_readings(standard, ANGLES, Parameters(motors_noise=3.0))
     assert truth.spread is not None
     walls = WallMap.from_lab(standard)
     for node in (0, 5, 13, 26):
@@ -97,7 +97,7 @@ def test_the_nodes_have_the_moments_of_the_errors() -> None:
 
 def test_without_motor_noise_there_is_no_spread(standard: Lab) -> None:
     for parameters in (None, Parameters(motors_noise=0.0)):
-        truth = compute_ground_truth(standard, ANGLES, parameters)
+        truth = compute_expected_readings(standard, ANGLES, parameters)
         assert truth.spread is None
         assert truth.offsets.tolist() == [[0.0, 0.0, 0.0]]
         assert truth.weights.tolist() == [1.0]
@@ -114,10 +114,10 @@ def test_more_noise_makes_more_error() -> None:
 
 
 def test_the_worker_hands_over_the_tables(standard: Lab) -> None:
-    worker = GroundTruthWorker(standard, ANGLES)
+    worker = ExpectedReadingsWorker(standard, ANGLES)
     worker.start()
     worker.announce(Parameters())
-    expected = compute_ground_truth(standard, ANGLES, Parameters())
+    expected = compute_expected_readings(standard, ANGLES, Parameters())
     truth = worker.result()
     np.testing.assert_array_equal(truth.readings, expected.readings)
     np.testing.assert_array_equal(truth.spread, expected.spread)
@@ -128,14 +128,14 @@ def test_nobody_waits_for_the_worker_but_who_asks_for_the_result(
     standard: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     go_on = threading.Event()
-    compute = agent.offline.expected_readings.compute_ground_truth
+    compute = agent.offline.expected_readings.compute_expected_readings
 
     def slow(*arguments: object, **options: object) -> object:
         go_on.wait()
         return compute(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(agent.offline.expected_readings, "compute_ground_truth", slow)
-    worker = GroundTruthWorker(standard, ANGLES)
+    monkeypatch.setattr(agent.offline.expected_readings, "compute_expected_readings", slow)
+    worker = ExpectedReadingsWorker(standard, ANGLES)
     worker.start()
     worker.announce(Parameters())
     assert worker.error is None
@@ -157,8 +157,8 @@ def test_what_stops_the_worker_is_told(
     def fail(*arguments: object, **options: object) -> None:
         raise problem
 
-    monkeypatch.setattr(agent.offline.expected_readings, "compute_ground_truth", fail)
-    worker = GroundTruthWorker(standard, ANGLES)
+    monkeypatch.setattr(agent.offline.expected_readings, "compute_expected_readings", fail)
+    worker = ExpectedReadingsWorker(standard, ANGLES)
     worker.start()
     with pytest.raises((LabError, ZeroDivisionError), match=complaint):
         worker.result()
@@ -168,11 +168,11 @@ def test_what_stops_the_worker_is_told(
 def test_an_abandoned_worker_ends_without_working(standard: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     called = []
     monkeypatch.setattr(
-        agent.offline.expected_readings, "compute_ground_truth", lambda *a, **k: called.append(1)
+        agent.offline.expected_readings, "compute_expected_readings", lambda *a, **k: called.append(1)
     )
-    worker = GroundTruthWorker(standard, ANGLES)
+    worker = ExpectedReadingsWorker(standard, ANGLES)
     worker.start()
     worker.abandon()
     worker.abandon()
     assert called == []
-    assert not any(thread.name == "ground truth" for thread in threading.enumerate())
+    assert not any(thread.name == "expected readings" for thread in threading.enumerate())

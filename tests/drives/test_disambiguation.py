@@ -69,12 +69,12 @@ def test_places_are_free_under_all_hypotheses(lanes: PoseTables) -> None:
     assert 3 < free.sum() < 100
     for k in np.argwhere(free):
         forward, aside = ahead[tuple(k)], left[tuple(k)]
-        if math.hypot(forward, aside) < planner._WAY_OUT:
+        if math.hypot(forward, aside) < planner._LEAVING:
             continue
         for x, y, heading in poses:
             there_x = x + forward * math.cos(heading) - aside * math.sin(heading)
             there_y = y + forward * math.sin(heading) + aside * math.cos(heading)
-            assert clearance(lanes.lattice, np.array([there_x]), np.array([there_y]))[0] >= planner._ROOM
+            assert clearance(lanes.lattice, np.array([there_x]), np.array([there_y]))[0] >= planner._CLEARANCE
 
 
 def test_times_are_those_of_dijkstra() -> None:
@@ -113,8 +113,8 @@ def test_evidence_is_the_sum_along_the_way(lanes: PoseTables) -> None:
     times, parents = planner._quickest(planner._free(lanes, poses), NOTHING)
     reached = np.flatnonzero((times < planner._LONGEST) & (parents >= 0))
     evidence = planner._evidence(lanes, poses, 0.1, times, parents, reached)
-    foretell = planner.Foretelling(lanes, 0.1)
-    turning = planner._turning(foretell, poses)
+    predict_readings = planner.PredictedReadings(lanes, 0.1)
+    turning = planner._turning(predict_readings, poses)
     start = planner._RADIUS * planner._SIDE + planner._RADIUS
     for number in range(0, len(reached), max(len(reached) // 25, 1)):
         state, total = int(reached[number]), np.zeros((2, 2))
@@ -124,7 +124,7 @@ def test_evidence_is_the_sum_along_the_way(lanes: PoseTables) -> None:
             forward = (column - planner._RADIUS) * planner._SPACING
             aside = (row - planner._RADIUS) * planner._SPACING
             angle = np.full((2, 1), direction * math.pi / 4.0)
-            readings = foretell(poses[:, :1] + forward, poses[:, 1:2] + aside, angle)
+            readings = predict_readings(poses[:, :1] + forward, poses[:, 1:2] + aside, angle)
             total += planner._apart(readings)[0] * planner._LENGTHS[direction] / planner._SPEED
             if parents[state] == start:
                 total += turning[direction]

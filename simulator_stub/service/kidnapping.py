@@ -6,7 +6,6 @@ import math
 import re
 from dataclasses import dataclass
 
-from simulator_stub.recording.observer import Recorder
 from simulator_stub.simulation import Simulation
 from simulator_stub.world.simulator_state import SimulatorState
 
@@ -57,8 +56,8 @@ def parse_kidnapping(text: str) -> Kidnapping:
     return Kidnapping(int(cycle), float(x), float(y), float(direction))
 
 
-class Kidnapper(Recorder):
-    """Moves the robot with the lowest id at the times given; a recorder that meddles.
+class Kidnapper:
+    """Moves the robot with the lowest id at the times given.
 
     Parameters
     ----------
@@ -69,8 +68,8 @@ class Kidnapper(Recorder):
         self._all = sorted(kidnappings, key=lambda kidnapping: kidnapping.cycle)
         self._waiting = list(self._all)
 
-    def actions_read(self, simulation: Simulation) -> None:
-        """Move the robot if the coming cycle is the one."""
+    def before_move(self, simulation: Simulation) -> None:
+        """Move the robot if the coming cycle is the one; the actions have been read."""
         if simulation.state is not SimulatorState.RUNNING or not simulation.robots:
             return
         while self._waiting and self._waiting[0].cycle <= simulation.time + 1:

@@ -1,78 +1,29 @@
-"""What the agent's command line can say, and what follows from it."""
+"""Without a subcommand: drive a robot through a known lab."""
 
 from __future__ import annotations
 
 import argparse
-import os
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agent import optiontypes
-from agent.optionparser import (
-    DISTANCES,
-    PRESETS,
-    OptionParser,
-    add_output,
-    add_precision,
-    check_output,
-    read_lab_file,
-)
+from agent.commands import SUBCOMMANDS, option_types
+from agent.commands.files import check_output, read_lab_file
+from agent.commands.parser import DISTANCES, PRESETS, OptionParser, add_output, add_precision
+from agent.drives.registry import DRIVES, RIGHT, forms
 from agent.run.reporter import PROGRAM, Reporter
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
     from agent.run.session import Settings
     from agent.run.signals import Interrupts
 
-SHOW_COMMANDS = ("draw", "compare", "animate", "watch", "overlay")
 DEFAULT_MAP = "standard"
 DEFAULT_LOG = Path("run.jsonl")
 
 
-def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
-    """Do what a command line says.
-
-    Parameters
-    ----------
-    arguments : sequence of str or None
-        Without the program's name; None = those of the process.
-    interrupts : Interrupts
-        Installed.
-
-    Returns
-    -------
-    int
-        Exit status, see `agent.cli.main`.
-    """
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        if words[:1] == ["localize"]:
-            from agent.localizecommand import localize
-
-            status = localize(words[1:], interrupts)
-        elif words[:1] == ["inspect"]:
-            status = _inspect(_inspect_parser().parse_args(words[1:]))
-        elif words and words[0] in SHOW_COMMANDS:
-            from agent.showing import show
-
-            status = show(words[0], words[1:])
-        else:
-            status = _run(_run_parser().parse_args(words), interrupts)
-        sys.stdout.flush()
-    except CiberratoError as error:
-        Reporter().warn(str(error))
-        return 2
-    except BrokenPipeError:
-        # Whoever read our output has seen enough; what is still buffered must not complain at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    return status
-
-
-def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    settings = _settings(options)
+def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Drive; return the exit status."""
+    settings = settings_of(options)
     interrupts.arm()
     views = []
     if options.viewer is not None:
@@ -83,7 +34,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
         return _drive(options, settings, interrupts)
     import dataclasses
 
-    from agent.showing import beside
+    from agent.commands.beside import beside
 
     # The screen is the watch's until the end: what is to be said is said then.
     quiet = settings.quiet or options.watch
@@ -98,7 +49,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
 def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrupts) -> int:
     reporter = Reporter(quiet=settings.quiet)
-    if not options.online and options.drive == ("right", None) and not options.smooth:
+    if not options.online and options.drive == (RIGHT, None) and not options.smooth:
         from agent.run.session import Session
 
         return Session(settings, interrupts, reporter).run()
@@ -106,10 +57,10 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
     from ciberrato.localization.evidence.start_prior import check_start, parse_start
 
     check_start(parse_start(options.start), settings.lab)
-    drive, goal = options.drive
+    drive, argument = options.drive
     live = LiveSettings(
         drive=drive,
-        goal=goal,
+        goal=argument,
         start=options.start,
         smooth=options.smooth,
         exit_when_finished=options.exit_when_finished,
@@ -119,18 +70,8 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
     return LiveSession(settings, live, interrupts, reporter).run()
 
 
-def _inspect(options: argparse.Namespace) -> int:
-    import shutil
-
-    from agent.views.inspection import inspect
-
-    lab = None if options.map is None else read_lab_file(options.map)[0]
-    width = shutil.get_terminal_size().columns
-    inspect(options.file, png=options.png, lab=lab, width=width, colour=sys.stdout.isatty())
-    return 0
-
-
-def _settings(options: argparse.Namespace) -> Settings:
+def settings_of(options: argparse.Namespace) -> Settings:
+    """Return what the command line says of the run; complain of what cannot be."""
     from agent.run.session import Settings
     from ciberrato.net.address import parse_address
 
@@ -164,31 +105,31 @@ def _settings(options: argparse.Namespace) -> Settings:
     )
 
 
-def _run_parser() -> argparse.ArgumentParser:
+def make_parser() -> OptionParser:
+    """Return the parser of the subcommand."""
     parser = OptionParser(
         PROGRAM,
         "Drive a robot to the right through a known lab and work out in which cell it began.\n\n"
-        "  ciberrato-agent [options]                drive; Ctrl-C ends the run and writes the belief file\n"
-        "  ciberrato-agent localize RUN -m LAB      the filter alone, from the log of a run\n"
-        "  ciberrato-agent inspect FILE             look into a belief file\n"
-        "  ciberrato-agent draw WHAT -m LAB ...     figures of the lab, its sensors, and a run\n"
-        "  ciberrato-agent compare FILE FILE        how two belief files differ\n"
-        "  ciberrato-agent animate RUN -m LAB       a run as a moving picture\n"
-        "  ciberrato-agent watch RUN -m LAB         a run as it goes on, in the terminal\n"
-        "  ciberrato-agent overlay RUN -m LAB       a run as it goes on, in a ciberrato-viewer",
+        f"{_line('[options]', 'drive; Ctrl-C ends the run and writes the belief file')}"
+        + "".join(_line(f"{name} {words}", what) for name, (words, what) in SUBCOMMANDS.items()),
     )
     add = parser.add_argument
     add("-h", "--host", default="127.0.0.1", metavar="HOST[:PORT]", help="default: this machine, port 6000")
     add(
         "-p",
         "--pos",
-        type=optiontypes.count,
+        type=option_types.count,
         default=1,
         metavar="N",
         help="start position, 0 = any free; default: 1",
     )
     add(
-        "-r", "--robname", type=optiontypes.name, default="ciberrato", metavar="NAME", help="the robot's name"
+        "-r",
+        "--robname",
+        type=option_types.name,
+        default="ciberrato",
+        metavar="NAME",
+        help="the robot's name",
     )
     add("-m", "--map", default=DEFAULT_MAP, metavar="LAB", help=f"lab file or name; default: {DEFAULT_MAP}")
     add("--transport", choices=("udp", "tcp"), default="udp", help="default: udp")
@@ -199,14 +140,14 @@ def _run_parser() -> argparse.ArgumentParser:
     add("--distance", choices=DISTANCES, default="sensor", help="default: sensor")
     add(
         "--angles",
-        type=optiontypes.angles,
+        type=option_types.angles,
         default=(0.0, 90.0, -90.0, 180.0),
         metavar="A,B,C,D",
         help="of the IR sensors, degrees; default: 0,90,-90,180 (--angles=-90,... if the first is negative)",
     )
     add(
         "--cruise",
-        type=optiontypes.cruise,
+        type=option_types.cruise,
         default=0.1,
         metavar="POWER",
         help="motor command to 0.15; default: 0.1",
@@ -214,15 +155,14 @@ def _run_parser() -> argparse.ArgumentParser:
     add("--online", action="store_true", help="know the pose while driving: print and log it every cycle")
     add(
         "--drive",
-        type=optiontypes.drive,
-        default=("right", None),
+        type=option_types.drive,
+        default=(RIGHT, None),
         metavar="POLICY",
-        help="right (default), explore, active (to where the pose shows, then stop), goto:X,Y; all but the "
-        "first work from an unknown pose and imply --online",
+        help=f"{_drives()}; all but the first work from an unknown pose and imply --online",
     )
     add(
         "--start",
-        type=optiontypes.start,
+        type=option_types.start,
         default="anywhere",
         metavar="WHERE",
         help="what --online takes for possible: anywhere (any free pose, default), centres (of cells, four "
@@ -238,20 +178,20 @@ def _run_parser() -> argparse.ArgumentParser:
     add("--exit-at-wall", action="store_true", help="end the run when a wall is ahead")
     add(
         "--silence",
-        type=optiontypes.seconds,
+        type=option_types.seconds,
         default=2.0,
         metavar="SECONDS",
         help="that end the run; default: 2",
     )
     add(
         "--give-up-after",
-        type=optiontypes.seconds,
+        type=option_types.seconds,
         metavar="SECONDS",
         help="without a simulator; default: never",
     )
     add(
         "--seed",
-        type=optiontypes.count,
+        type=option_types.count,
         metavar="N",
         help="of the simulation, for the log (the agent has none)",
     )
@@ -267,9 +207,10 @@ def _run_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _inspect_parser() -> argparse.ArgumentParser:
-    parser = OptionParser(f"{PROGRAM} inspect", "Validate a belief file and show what it says.")
-    parser.add_argument("file", type=Path, metavar="FILE", help="the belief file, localization.out")
-    parser.add_argument("--png", type=Path, metavar="FILE", help="draw all steps there")
-    parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab over them")
-    return parser
+def _line(words: str, what: str) -> str:
+    return f"  {f'{PROGRAM} {words}':<40} {what}\n"
+
+
+def _drives() -> str:
+    kinds = zip(forms(), DRIVES.values(), strict=True)
+    return ", ".join(form + f" ({kind.summary})" * bool(kind.summary) for form, kind in kinds)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+from typing import Any
+
+from agent.drives.registry import parse_drive
 
 _LONGEST_NAME = 200  # the real simulator dies of names much longer
 
 
-def drive(text: str) -> tuple[str, tuple[float, float] | None]:
+def drive(text: str) -> tuple[str, Any]:
     """Read a driving policy.
 
     Parameters
@@ -17,16 +20,13 @@ def drive(text: str) -> tuple[str, tuple[float, float] | None]:
 
     Returns
     -------
-    tuple of str and ((float, float) or None)
-        The policy, and the goal of goto in units.
+    tuple of str and object
+        The policy, and its argument (None if it takes none): the goal of goto, (x, y) in units.
     """
-    if text in ("right", "explore", "active"):
-        return text, None
-    policy, _, place = text.partition(":")
-    values = [number(part) for part in place.split(",")]
-    if policy != "goto" or len(values) != 2 or not all(math.isfinite(value) for value in values):
-        raise argparse.ArgumentTypeError(f"{text!r} is not right, explore, active or goto:X,Y")
-    return "goto", (values[0], values[1])
+    try:
+        return parse_drive(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def start(text: str) -> str:

@@ -7,17 +7,14 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from agent.offline.summary import Cell
 from ciberrato.errors import LabError
+from ciberrato.world.coordinates import Cell, PoseInDegrees
 from ciberrato.world.lab import CELL_SIZE
-
-TruePose = tuple[float, float, float]
-"""x, y in units, heading in degrees."""
 
 _COLUMNS = ("time", "x", "y", "dir_deg")
 
 
-def read_truth(path: str | os.PathLike[str], *, robot: int | None = None) -> dict[int, TruePose]:
+def read_truth(path: str | os.PathLike[str], *, robot: int | None = None) -> dict[int, PoseInDegrees]:
     """Read the true poses of one robot.
 
     Parameters
@@ -39,7 +36,7 @@ def read_truth(path: str | os.PathLike[str], *, robot: int | None = None) -> dic
         With the line, if the file is not like that.
     """
     source = os.fspath(path)
-    poses: dict[int, TruePose] = {}
+    poses: dict[int, PoseInDegrees] = {}
     try:
         with Path(path).open(newline="", encoding="utf-8") as stream:
             reader = csv.DictReader(stream)
@@ -64,7 +61,7 @@ def read_truth(path: str | os.PathLike[str], *, robot: int | None = None) -> dic
     return poses
 
 
-def true_cells(poses: Mapping[int, TruePose], times: Sequence[int]) -> list[Cell | None]:
+def true_cells(poses: Mapping[int, PoseInDegrees], times: Sequence[int]) -> list[Cell | None]:
     """Tell in which cell the robot really was.
 
     Parameters
