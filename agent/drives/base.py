@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.protocol.messages import Measures
 
 Command = tuple[float, float]
@@ -36,6 +36,6 @@ class Decision:
 class Drive(Protocol):
     """A policy: a pure function of the stream of messages and of the filter that has taken them in."""
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """Decide what to do in answer to a message that the filter has taken in."""
         ...

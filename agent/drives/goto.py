@@ -15,7 +15,7 @@ from agent.drives.clearance import clearance
 from agent.drives.safety import Bumper
 from ciberrato.errors import UsageError
 from ciberrato.localization.belief.lattice import Lattice
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import filter_power
 from ciberrato.protocol.messages import Measures
 
@@ -69,7 +69,7 @@ class GotoDrive:
         self._backing = 0
         self.phase = GotoPhase.LOCALIZING
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
         left, right = (filter_power(c, w) for c, w in zip(self._last, self._wheels, strict=True))
@@ -90,7 +90,7 @@ class GotoDrive:
         self._last = decision.command
         return decision
 
-    def _drive(self, pose_filter: PoseFilter) -> Decision:
+    def _drive(self, pose_filter: GridFilter) -> Decision:
         lattice = pose_filter.planning_tables.lattice
         if self._costs is None:
             self._costs = costs_to(lattice, *self._goal)

@@ -14,7 +14,7 @@ from ciberrato.protocol.messages import Actions, Measures
 
 if TYPE_CHECKING:
     from agent.drives.base import Decision, Drive
-    from ciberrato.localization.live_filter import LiveFilter
+    from ciberrato.localization.live.live_filter import LiveFilter
 
 _ENTROPY_EVERY = 5  # cycles between two looks at the entropy of a belief over very many states
 _MANY = 50_000

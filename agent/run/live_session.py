@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from agent.run.signals import Interrupts
     from ciberrato.files.run_log import RunWriter
     from ciberrato.files.run_records import Cycle
-    from ciberrato.localization.live_filter import LiveFilter
+    from ciberrato.localization.live.live_filter import LiveFilter
     from ciberrato.localization.tables.worker import TableWorker
     from ciberrato.net.link import Link
 
@@ -104,7 +104,7 @@ class LiveSession(Session):
         import agent.offline.expected_readings
         import agent.run.live_controller  # noqa: F401
         import ciberrato.files.run_log
-        import ciberrato.localization.live_filter  # noqa: F401
+        import ciberrato.localization.live.live_filter  # noqa: F401
         from ciberrato.localization.belief import compiled
 
         if compiled.at_hand():
@@ -146,7 +146,7 @@ class LiveSession(Session):
     def _make_controller(self) -> Controller:
         from agent.run.live_controller import LiveController
         from ciberrato.localization.evidence.other_sensors import sensors_used
-        from ciberrato.localization.live_filter import LiveFilter
+        from ciberrato.localization.live.live_filter import LiveFilter
 
         assert self._header is not None
         assert self._tables is not None

@@ -15,9 +15,9 @@ from agent.drives.roam import Roamer
 from agent.run.live_controller import LiveController
 from ciberrato.files.run_log import Cycle, RunHeader
 from ciberrato.localization.cell_beliefs import cell_beliefs
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.live_filter import LiveFilter
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
+from ciberrato.localization.live.live_filter import LiveFilter
 from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab, Wall
@@ -153,7 +153,7 @@ class FreeLegs:
         self._explorer = ExploreDrive(ANGLES, noise)
         self._roamer = Roamer(ANGLES, noise, self._explorer.choose)
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         self._explorer.note_visit(pose_filter)
         return self._roamer.decide(measures, pose_filter)
 
@@ -165,7 +165,7 @@ def side_by_side(
     parameters = dataclasses.replace(PARAMETERS, compass_sensor=False)
     world = simulate(lab, start, parameters)
     robot, measures = register(world)
-    pose_filter = PoseFilter(lab, tables, parameters)
+    pose_filter = GridFilter(lab, tables, parameters)
     explore, free = make_drive("explore", lab, parameters, ANGLES), FreeLegs(parameters.obstacle_noise)
     command, certain, same = None, [], []
     for _ in range(cycles):
@@ -196,7 +196,7 @@ def test_legs_are_free_again_when_the_pose_is_lost() -> None:
     tables = build_tables(ROWS, ANGLES, 2.0 / 9.0)
     world = simulate(ROWS, (1.0, 5.0, -90.0), PARAMETERS)
     robot, measures = register(world)
-    pose_filter = PoseFilter(ROWS, tables, PARAMETERS, start="1,5,-90")
+    pose_filter = GridFilter(ROWS, tables, PARAMETERS, start="1,5,-90")
     drive = CellDrive(ANGLES, PARAMETERS.obstacle_noise)
     command, driven = None, []
     for cycle in range(60):
@@ -219,7 +219,7 @@ def test_what_the_map_does_not_have_is_not_run_into() -> None:
     real = dataclasses.replace(ROWS, walls=(*ROWS.walls, box(2.5, 2.6, 2.9, 3.4)))
     world = simulate(real, (1.0, 5.0, -90.0), PARAMETERS)
     robot, measures = register(world)
-    pose_filter = StagedFilter(ROWS, coarse, fine, PARAMETERS, start="1,5,-90")
+    pose_filter = staged_filter(ROWS, coarse, fine, PARAMETERS, start="1,5,-90")
     drive = make_drive("explore", ROWS, PARAMETERS, ANGLES)
     command, been = None, set()
     for _ in range(900):
@@ -236,7 +236,7 @@ def test_the_robot_keeps_to_the_line_between_centres() -> None:
     coarse, fine = build_tables(ROWS, ANGLES, 2.0 / 9.0), build_tables(ROWS, ANGLES, 0.1)
     world = simulate(ROWS, (1.0, 5.0, -90.0), PARAMETERS)
     robot, measures = register(world)
-    pose_filter = StagedFilter(ROWS, coarse, fine, PARAMETERS, start="1,5,-90")
+    pose_filter = staged_filter(ROWS, coarse, fine, PARAMETERS, start="1,5,-90")
     drive = make_drive("explore", ROWS, PARAMETERS, ANGLES)
     command, away = None, []
     for _ in range(400):

@@ -13,7 +13,7 @@ import pytest
 
 from agent.run.live_controller import LiveController
 from ciberrato.files.run_log import RunHeader, RunWriter, read_run
-from ciberrato.localization.live_filter import LiveFilter
+from ciberrato.localization.live.live_filter import LiveFilter
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.world.lab import Lab, Wall
 from ciberrato.world.parameters import Parameters
