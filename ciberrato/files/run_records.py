@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import CELL_SIZE
 from ciberrato.world.parameters import Parameters
 
@@ -137,6 +138,23 @@ class Cycle:
     cells: tuple[tuple[int, int, float], ...] | None = None
     modes: tuple[tuple[float, float, float, float], ...] | None = None
 
+    @property
+    def measures(self) -> Measures:
+        """Return the message, without what the log does not keep: beacons, GPS, line, what was heard."""
+        end_led, returning_led, visiting_led = self.leds
+        return Measures(
+            time=self.time,
+            start=self.start,
+            stop=self.stop,
+            end_led=end_led,
+            returning_led=returning_led,
+            visiting_led=visiting_led,
+            collision=self.collision,
+            compass=self.compass,
+            ground=self.ground,
+            infrared=self.infrared,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
@@ -180,6 +198,12 @@ class RecordedRun:
 
     header: RunHeader
     cycles: tuple[Cycle, ...] = ()
+
+    @property
+    def inputs(self) -> tuple[tuple[Measures, tuple[float, float] | None], ...]:
+        """Return every message with the motor command in effect before it, as a filter wants them."""
+        commands = (None, *(cycle.command for cycle in self.cycles[:-1]))
+        return tuple((cycle.measures, command) for cycle, command in zip(self.cycles, commands, strict=False))
 
     @property
     def steps(self) -> tuple[Step, ...]:
