@@ -86,8 +86,8 @@ class PoseFilter:
         Whether to wait for all tables now, for a recorded run or a simulation in lockstep: then every
         message is weighed at once, and the same messages give the same estimates to the last bit.
     budget : float, optional
-        Seconds that `observe` may take for weighing messages; those left wait for the next call. Default: half
-        of CycleTime, with `wait` no limit.
+        Seconds that `observe` may take for weighing messages; those left wait for the next call. Default:
+        half of CycleTime, with `wait` no limit.
     tables : TableWorker, optional
         Started, and stopped by the caller; default: one of its own.
     clock : callable

@@ -17,7 +17,7 @@ from ciberrato.files.run_log import Cycle, RunHeader
 from ciberrato.localization.cell_beliefs import cell_beliefs
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.filtering.staged_filter import staged_filter
-from ciberrato.localization.live.live_filter import LiveFilter
+from ciberrato.localization.pose_filter import PoseFilter
 from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab, Wall
@@ -112,9 +112,9 @@ def test_every_cell_is_visited_and_nothing_touched(
 ) -> None:
     parameters = dataclasses.replace(PARAMETERS, motors_noise=motors_noise, obstacle_noise=obstacle_noise)
     worker = types.SimpleNamespace(coarse=tables[0], fine=tables[1], error=None, wait=lambda timeout: True)
-    live = LiveFilter(lab, parameters, worker, budget=1e6)
+    localizer = PoseFilter(lab, parameters, ANGLES, tables=worker, budget=1e6)
     header = RunHeader(lab_name=lab.name, lab_sha256="", parameters=parameters, sensor_angles=ANGLES)
-    controller = LiveController(header, live, make_drive("explore", lab, parameters, ANGLES))
+    controller = LiveController(header, localizer, make_drive("explore", lab, parameters, ANGLES))
     world = simulate(lab, (1.1, 4.7, 50.0), parameters)
     robot, measures = register(world)
     logged: list[Cycle] = []
@@ -129,6 +129,8 @@ def test_every_cell_is_visited_and_nothing_touched(
     assert 8 < len(wanted) <= 15
     assert wanted <= set(true_cells)
     assert world.robots[0].collisions == 0
+    # What the dead reckoning of the drive to the right would say is not logged as if it were this drive's.
+    assert {(cycle.displacement, cycle.heading, cycle.spread) for cycle in logged} == {(None, None, None)}
     # Every cell entered is a step of the log, from when the pose is known on.
     first = next(k for k, cycle in enumerate(logged) if cycle.estimate[3] > 0.95)
     assert first < 60
@@ -138,7 +140,7 @@ def test_every_cell_is_visited_and_nothing_touched(
     assert len(entered) - len(steps) <= 1  # the cell in which it was when it knew
     if obstacle_noise == PARAMETERS.obstacle_noise:
         # And a block of the belief file, made as the robot crosses the border between two cells.
-        beliefs = cell_beliefs(lab, tables[1], parameters, live.history[:300])[2:]
+        beliefs = cell_beliefs(lab, tables[1], parameters, localizer.live.history[:300])[2:]
         entered = [cell for cell, _ in itertools.groupby(true_cells[:300])][-len(beliefs) - 1 :]
         assert len(beliefs) > 12
         for block, (left, cell) in zip(beliefs, itertools.pairwise(entered), strict=True):
