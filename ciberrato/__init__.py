@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ciberrato.files.parameters import read_parameters
     from ciberrato.files.start_grid import read_grid
     from ciberrato.labs import find_grid, find_lab, find_parameters
+    from ciberrato.localization.pose_filter import PoseFilter
     from ciberrato.world.lab import Lab
     from ciberrato.world.parameters import Parameters
     from ciberrato.world.start_grid import StartGrid
@@ -32,6 +33,7 @@ _HOMES = {
     "Lab": "ciberrato.world.lab",
     "LabError": "ciberrato.errors",
     "Parameters": "ciberrato.world.parameters",
+    "PoseFilter": "ciberrato.localization.pose_filter",
     "ProtocolError": "ciberrato.errors",
     "StartGrid": "ciberrato.world.start_grid",
     "UsageError": "ciberrato.errors",
@@ -48,6 +50,7 @@ __all__ = [
     "Lab",
     "LabError",
     "Parameters",
+    "PoseFilter",
     "ProtocolError",
     "StartGrid",
     "UsageError",

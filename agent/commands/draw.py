@@ -110,14 +110,17 @@ def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
 
     run, poses = read_run(_needed(options, "run")), read_truth(_needed(options, "truth"))
     cycles = [cycle for cycle in run.cycles if cycle.time in poses]
+    if any(cycle.displacement is None for cycle in cycles):
+        raise UsageError(f"{options.run} has no dead reckoning: only the drive to the right logs it")
     if not cycles:
         raise UsageError(f"{options.run} and {options.truth} have no cycle in common: give those of one run")
     start = poses[min(poses)]
     rows = []
     for cycle in cycles:
         x, y, heading = poses[cycle.time]
-        turned = math.degrees(short_turn(math.radians(cycle.heading - heading)))
-        rows.append((cycle.displacement - (x - start[0]), cycle.lateral - (y - start[1]), turned))
+        turned = math.degrees(short_turn(math.radians((cycle.heading or 0.0) - heading)))
+        along, lateral = cycle.displacement or 0.0, cycle.lateral or 0.0
+        rows.append((along - (x - start[0]), lateral - (y - start[1]), turned))
     deviations = np.array([cycle.spread for cycle in cycles])
     pose_error_curves([cycle.time for cycle in cycles], np.array(rows), deviations, options.output)
 

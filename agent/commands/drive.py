@@ -48,12 +48,15 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrupts) -> int:
+    from agent.run.session import Session
+
     reporter = Reporter(quiet=settings.quiet)
     if not options.online and options.drive == (RIGHT, None) and not options.smooth:
-        from agent.run.session import Session
+        from agent.run.published_method import PublishedMethod
 
-        return Session(settings, interrupts, reporter).run()
-    from agent.run.live_session import LiveSession, LiveSettings
+        published = PublishedMethod(settings, interrupts, reporter)
+        return Session(settings, interrupts, reporter, published).run()
+    from agent.run.live_method import LiveMethod, LiveSettings
     from ciberrato.localization.evidence.start_prior import check_start, parse_start
 
     check_start(parse_start(options.start), settings.lab)
@@ -67,7 +70,8 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
         show=not settings.quiet,
         lockstep=options.lockstep,
     )
-    return LiveSession(settings, live, interrupts, reporter).run()
+    method = LiveMethod(settings, live, interrupts, reporter)
+    return Session(settings, interrupts, reporter, method).run()
 
 
 def settings_of(options: argparse.Namespace) -> Settings:

@@ -18,7 +18,7 @@ from agent.drives.disambiguation import FIRST_TURNS, plan
 from agent.drives.explore import ExploreDrive
 from agent.drives.roam import Closed, LegPhase, Roamer
 from ciberrato.localization.belief.estimate import PoseEstimate, modes
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import STANDSTILL
 from ciberrato.protocol.messages import Measures
 
@@ -84,7 +84,7 @@ class ActiveDrive:
         """Whether the pose is known and has been for a while."""
         return self._mode is _Mode.LOCALIZED
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self._known = self._known + 1 if pose_filter.estimate().certain else 0
         if self._known >= self._hold:
@@ -104,7 +104,7 @@ class ActiveDrive:
                 self._roamer.reconsider()
         return self._roamer.decide(measures, pose_filter)
 
-    def _choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
+    def _choose(self, pose_filter: GridFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
         """Choose the first leg of the path that tells most; see `agent.drives.roam.ChooseLeg`."""
         self._since_choice, self._doubt = 0, math.inf
         found = _hypotheses(pose_filter)
@@ -116,7 +116,7 @@ class ActiveDrive:
         return self._explorer.choose(pose_filter, sample, closed)
 
 
-def _hypotheses(pose_filter: PoseFilter) -> list[PoseEstimate]:
+def _hypotheses(pose_filter: GridFilter) -> list[PoseEstimate]:
     """List the poses that the belief is gathered around; none if they are too many."""
     belief = pose_filter.belief
     if belief.dense is not None or belief.states > _MOST_STATES:

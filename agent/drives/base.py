@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import Lab
@@ -63,6 +63,6 @@ class DriveSetup:
 class Drive(Protocol):
     """A policy: a pure function of the stream of messages and of the filter that has taken them in."""
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """Decide what to do in answer to a message that the filter has taken in."""
         ...

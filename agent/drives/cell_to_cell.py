@@ -30,7 +30,7 @@ from agent.drives.safety import STOP_SHORT, Bumper
 from ciberrato.geometry.angles import short_turn
 from ciberrato.geometry.walls import WallMap
 from ciberrato.localization.belief.lattice import Lattice
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import MAX_POWER, Command, advance, filter_wheels
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.coordinates import Cell, Pose
@@ -105,7 +105,7 @@ class CellDrive:
         self._enclosed = self._beyond = False
         self._seen: NDArray[np.float64] = np.zeros((0, 0))
 
-    def _prepare(self, pose_filter: PoseFilter) -> None:
+    def _prepare(self, pose_filter: GridFilter) -> None:
         lab: Lab = pose_filter.lab
         self._lattice = pose_filter.planning_tables.lattice
         self._graph: CellGraph = join_cells(self._lattice, lab.rows, lab.columns)
@@ -120,13 +120,13 @@ class CellDrive:
 
     # --- every cycle ------------------------------------------------------------------------------------
 
-    def observe(self, measures: Measures, pose_filter: PoseFilter, last: Command | None) -> None:
+    def observe(self, measures: Measures, pose_filter: GridFilter, last: Command | None) -> None:
         """Take in a message, whoever decides on the answer.
 
         Parameters
         ----------
         measures : Measures
-        pose_filter : PoseFilter
+        pose_filter : GridFilter
             Has taken it in.
         last : (float, float) or None
             The command given before; None if that is not known.

@@ -11,7 +11,7 @@ from agent.drives.cell_to_cell import CellDrive
 from agent.drives.clearance import PoseSample, free_distances
 from agent.drives.roam import SPRINT, Closed, Roamer
 from ciberrato.arrays import Floats
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
 
@@ -42,7 +42,7 @@ class ExploreDrive:
         self._visits: Floats | None = None
         self._time: int | None = None
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self.note_visit(pose_filter)
         # After a message that another answered, or that never came, the filter knows best.
@@ -57,7 +57,7 @@ class ExploreDrive:
         self._last = decision.command
         return decision
 
-    def note_visit(self, pose_filter: PoseFilter) -> None:
+    def note_visit(self, pose_filter: GridFilter) -> None:
         """Take note of the cell that the robot is in, if that is known."""
         if self._visits is None:
             self._visits = np.zeros((pose_filter.lab.rows + 2, pose_filter.lab.columns + 2))
@@ -68,7 +68,7 @@ class ExploreDrive:
             self._visits *= 0.998
             self._visits[row, column] += 1.0
 
-    def choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
+    def choose(self, pose_filter: GridFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
         """Choose the leg into the open; see `agent.drives.roam.ChooseLeg`."""
         distances = free_distances(pose_filter.tables.lattice, sample, _TURNS, LONGEST_LEG)
         mean = distances.mean(axis=1)
@@ -81,7 +81,7 @@ class ExploreDrive:
         best = int(score.argmax())
         return float(_TURNS[best]), max(min(float(reachable[best]) - 0.1, LONGEST_LEG), 1.0)
 
-    def _crowdedness(self, pose_filter: PoseFilter, sample: PoseSample, distances: Floats) -> Floats:
+    def _crowdedness(self, pose_filter: GridFilter, sample: PoseSample, distances: Floats) -> Floats:
         """How often the robot has been where a leg would end; 0 while it is lost."""
         assert self._visits is not None
         if not pose_filter.estimate().certain:

@@ -16,7 +16,7 @@ from ciberrato.arrays import Floats
 from ciberrato.errors import UsageError
 from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.lattice import Lattice
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import STANDSTILL, Command, filter_wheels
 from ciberrato.protocol.messages import Measures
 
@@ -73,7 +73,7 @@ class GotoDrive:
         self._backing = 0
         self.phase = GotoPhase.LOCALIZING
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
         self._wheels = filter_wheels(self._last, self._wheels)
@@ -93,7 +93,7 @@ class GotoDrive:
         self._last = decision.command
         return decision
 
-    def _drive(self, pose_filter: PoseFilter) -> Decision:
+    def _drive(self, pose_filter: GridFilter) -> Decision:
         lattice = pose_filter.planning_tables.lattice
         if self._costs is None:
             self._costs = costs_to(lattice, *self._goal)

@@ -24,7 +24,8 @@ def estimated_track(run: RecordedRun, beliefs: Floats) -> Floats | None:
     Returns
     -------
     ndarray, shape (cycles, 3), or None
-        x, y in units and heading in degrees; None if nothing was recorded or the last belief is undefined.
+        x, y in units and heading in degrees; None if nothing was recorded, the last belief is undefined or
+        another drive than the one to the right drove.
     """
     steps = run.steps
     if not steps or np.isnan(beliefs[-1]).any():
@@ -32,6 +33,7 @@ def estimated_track(run: RecordedRun, beliefs: Floats) -> Floats | None:
     row, column = peak(beliefs[-1]).cells[0]
     start_x = (column - steps[-1].index + 0.5) * CELL_SIZE
     start_y = (row + 0.5) * CELL_SIZE
-    return np.array(
-        [(start_x + cycle.displacement, start_y + cycle.lateral, cycle.heading) for cycle in run.cycles]
-    )
+    way = [(cycle.displacement, cycle.lateral, cycle.heading) for cycle in run.cycles]
+    if any(None in row for row in way):
+        return None
+    return np.add(np.array(way, np.float64), (start_x, start_y, 0.0))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TextIO
 from agent.offline.localization import expected_readings_of, localize_run
 from agent.offline.summary import heat_map, step_table
 from agent.views.logfollower import LogFollower, follow
-from ciberrato.files.run_records import RecordedRun
+from ciberrato.files.run_records import Cycle, RecordedRun
 
 if TYPE_CHECKING:
     from agent.offline.expected_readings import ExpectedReadings
@@ -124,7 +124,7 @@ def screen(
         )
         + f"   compass {'-' if last.compass is None else f'{last.compass:g}'}"
         + f"   motors {'-' if last.command is None else '{:g} {:g}'.format(*last.command)}",
-        f"way {last.displacement:.2f}  beside {last.lateral:+.2f}  heading {last.heading:+.1f}°",
+        _pose_line(last),
         "",
     ]
     found = localize_run(run, expected)
@@ -135,3 +135,13 @@ def screen(
     lines += [table[0], *table[1:][-rows:], "", *picture]
     # A colour's escapes take no room; only the picture has them, and it fits by itself.
     return "\n".join(line if "\x1b" in line else line[:width] for line in lines)
+
+
+def _pose_line(cycle: Cycle) -> str:
+    """Say where the robot takes itself to be: by the drive's dead reckoning, or by the pose filter."""
+    if cycle.displacement is not None and cycle.lateral is not None and cycle.heading is not None:
+        return f"way {cycle.displacement:.2f}  beside {cycle.lateral:+.2f}  heading {cycle.heading:+.1f}°"
+    if cycle.estimate is None:
+        return "the pose filter has no tables yet"
+    x, y, heading, probability = cycle.estimate
+    return f"x {x:.2f}  y {y:.2f}  heading {heading:+.1f}°  p {probability:.3f}"

@@ -19,8 +19,8 @@ from ciberrato.evaluation.task import Outcome, Task
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import read_parameters
 from ciberrato.labs import find_lab, find_parameters
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.cache import cached_tables
 from ciberrato.localization.tables.pose_tables import COARSE, PoseTables
 from ciberrato.physics.kinematics import Command
@@ -43,7 +43,7 @@ _AT_REST = 60
 class Driver(Protocol):
     """What decides, for `run_task`."""
 
-    def __call__(self, measures: Measures, pose_filter: PoseFilter) -> tuple[Command, str | None]:
+    def __call__(self, measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
         """Return the command, and why the drive has finished if it has."""
 
 
@@ -125,11 +125,11 @@ def run_task(task: Task) -> Outcome:
     return record.outcome(simulation.robots[0].collisions, pose_filter)
 
 
-def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameters) -> PoseFilter:
+def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameters) -> GridFilter:
     if not task.staged or task.resolution >= COARSE:
-        return PoseFilter(lab, tables, parameters, start=task.prior)
+        return GridFilter(lab, tables, parameters, start=task.prior)
     coarse = tables_of(task.lab, _angles(task), COARSE)
-    return StagedFilter(lab, coarse, tables, parameters, start=task.prior)
+    return staged_filter(lab, coarse, tables, parameters, start=task.prior)
 
 
 def _over(task: Task, record: Record, finished: str | None) -> bool:
@@ -174,7 +174,7 @@ def _driver(
     # In an evaluation the run goes on, to see whether the claim lasts.
     drive = make_drive(task.drive, lab, parameters, angles, goal=goal, stop_when_localized=False)
 
-    def decide(measures: Measures, pose_filter: PoseFilter) -> tuple[Command, str | None]:
+    def decide(measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
         decision = drive.decide(measures, pose_filter)
         return decision.command, decision.finished
 
@@ -189,7 +189,7 @@ def _right_driver(parameters: Parameters, angles: tuple[float, float, float, flo
     header = RunHeader(lab_name="", lab_sha256="", parameters=parameters, sensor_angles=angles)
     controller = Controller(header)
 
-    def decide(measures: Measures, pose_filter: PoseFilter) -> tuple[Command, str | None]:
+    def decide(measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
         _, actions = controller.observe(measures)
         if actions is None or actions.left_motor is None or actions.right_motor is None:
             return (0.0, 0.0), None

@@ -27,8 +27,8 @@ from ciberrato.files.parameters import read_parameters
 from ciberrato.files.run_records import RunHeader
 from ciberrato.infrared.model import cell_centres
 from ciberrato.labs import find_parameters
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.pose_tables import COARSE
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.world.coordinates import Cell
@@ -180,15 +180,15 @@ def _run(
     )
 
 
-def _pose_filter(task: LabTask, lab: Lab, parameters: Parameters) -> PoseFilter:
+def _pose_filter(task: LabTask, lab: Lab, parameters: Parameters) -> GridFilter:
     fine = tables_of(task.lab, RIGHT_ANGLES, task.resolution)
     if task.resolution >= COARSE:
-        return PoseFilter(lab, fine, parameters, start=PRIOR)
+        return GridFilter(lab, fine, parameters, start=PRIOR)
     coarse = tables_of(task.lab, RIGHT_ANGLES, COARSE)
-    return StagedFilter(lab, coarse, fine, parameters, start=PRIOR)
+    return staged_filter(lab, coarse, fine, parameters, start=PRIOR)
 
 
-def _cells(pose_filter: PoseFilter, lab: Lab) -> Floats:
+def _cells(pose_filter: GridFilter, lab: Lab) -> Floats:
     """Sum the belief up over headings and the squares of each cell; shape (rows, columns)."""
     belief = pose_filter.belief
     weights = np.bincount(belief.lattice.cell, belief.square_weights(), lab.rows * lab.columns)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, TRUTH_PERIOD, Outcome, Task
 from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.estimate import CLAIM_RADIUS, CLAIM_TURN, probability_near
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.world.coordinates import Pose
 
 
@@ -56,7 +56,7 @@ class Record:
         return self.task.cycles
 
     def take(
-        self, cycle: int, pose: NDArray[np.float64], pose_filter: PoseFilter, *, collision: bool
+        self, cycle: int, pose: NDArray[np.float64], pose_filter: GridFilter, *, collision: bool
     ) -> None:
         """Compare the filter with the true pose after a cycle.
 
@@ -65,7 +65,7 @@ class Record:
         cycle : int
         pose : array, shape (3,)
             The true one: units and radians.
-        pose_filter : PoseFilter
+        pose_filter : GridFilter
         collision : bool
         """
         found = pose_filter.estimate()
@@ -108,14 +108,14 @@ class Record:
         if self._right and self.first_right is None:
             self.first_right = cycle
 
-    def outcome(self, collisions: int, pose_filter: PoseFilter) -> Outcome:
+    def outcome(self, collisions: int, pose_filter: GridFilter) -> Outcome:
         """Sum up.
 
         Parameters
         ----------
         collisions : int
             Beginnings of collisions.
-        pose_filter : PoseFilter
+        pose_filter : GridFilter
 
         Returns
         -------

@@ -28,7 +28,7 @@ from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.truth import read_truth
 from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.cell_beliefs import cell_beliefs
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.cache import cached_tables
 from ciberrato.localization.tables.pose_tables import COARSE, FINE
 from ciberrato.physics.kinematics import STANDSTILL, Command, filter_wheels
@@ -190,7 +190,7 @@ def replay(folder: Path, lab: Lab) -> Replay:
     recording = read_recording(folder)
     coarse = cached_tables(lab, recording.angles, COARSE)
     fine = cached_tables(lab, recording.angles, FINE)
-    pose_filter = StagedFilter(lab, coarse, fine, recording.parameters)
+    pose_filter = staged_filter(lab, coarse, fine, recording.parameters)
     live: dict[int, tuple[Cell, tuple[float, float, float]]] = {}
     entered: list[tuple[int, Cell]] = []
     claims = wrong = 0

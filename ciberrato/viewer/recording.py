@@ -176,4 +176,4 @@ def _pose(cycle: Cycle, origin: tuple[float, float]) -> tuple[float, float, floa
     if cycle.estimate is not None:
         x, y, direction, _ = cycle.estimate
         return x, y, direction
-    return origin[0] + cycle.displacement, origin[1] + cycle.lateral, cycle.heading
+    return origin[0] + (cycle.displacement or 0.0), origin[1] + (cycle.lateral or 0.0), cycle.heading or 0.0

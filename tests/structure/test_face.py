@@ -15,7 +15,7 @@ BIN = Path(sys.executable).parent
 FACE = {
     *("CiberratoError", "LabError", "ProtocolError", "UsageError", "__version__"),
     *("Lab", "Parameters", "StartGrid", "read_grid", "read_lab", "read_parameters"),
-    *("find_grid", "find_lab", "find_parameters"),
+    *("find_grid", "find_lab", "find_parameters", "PoseFilter"),
 }
 
 
@@ -54,6 +54,7 @@ def test_what_a_package_shows_is_in_its_list(name):
         key
         for key, value in vars(package).items()
         if not key.startswith("_")
+        and key != "TYPE_CHECKING"
         and getattr(value, "__module__", name) != "__future__"
         and type(value).__name__ not in {"module", "_Feature"}
     }

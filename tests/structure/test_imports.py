@@ -37,6 +37,8 @@ LIBRARY = {
     "net": {"errors", "overlay", "protocol"},
     "localization": SHAPES | {"infrared", "processes", "protocol"},
 }
+# The rooms behind the full-pose filter, each standing on those before it.
+LOCALIZATION = ("belief", "evidence", "tables", "refinement", "filtering", "live")
 # Applications stand on all of the library, and on one another only as said here.
 APPLICATIONS = {
     "viewer": set(),
@@ -154,6 +156,20 @@ def test_rooms_have_an_order(rooms):
 @pytest.mark.parametrize("place", sorted(LIBRARY))
 def test_a_room_of_the_library_imports_only_what_stands_below_it(place):
     assert not doors("ciberrato", place, LIBRARY[place])
+
+
+def test_the_rooms_behind_the_pose_filter_stand_one_on_the_other():
+    root = ROOT / "ciberrato" / "localization"
+    assert {path.parent.name for path in root.glob("*/__init__.py")} == set(LOCALIZATION)
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for level, place in enumerate(LOCALIZATION)
+        for path in files(root / place)
+        for name in imports(path)
+        if name.split(".")[:2] == ["ciberrato", "localization"]
+        and name.split(".")[2] not in {*LOCALIZATION[: level + 1], "records"}
+    ]
+    assert not wrong
 
 
 @pytest.mark.parametrize("place", sorted(APPLICATIONS))

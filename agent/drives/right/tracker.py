@@ -10,7 +10,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from agent.drives.right.row_ekf import Explanation, Pose, PoseFilter
+from agent.drives.right.row_ekf import Explanation, Pose, RowKalmanFilter
 from agent.drives.right.wall_cues import WallAhead, clutter, reading_variance, side_explanations
 from ciberrato.files.run_records import Readings
 from ciberrato.geometry.angles import short_turn
@@ -71,7 +71,7 @@ class CellTracker:
         self._variance = reading_variance(parameters.obstacle_noise)
         self._compass_variance = (parameters.compass_noise**2 + 1.0 / 12.0) * _DEGREE**2
         memory = max(parameters.obstacle_latency, parameters.compass_latency)
-        self._filter = PoseFilter(parameters.motors_noise, memory)
+        self._filter = RowKalmanFilter(parameters.motors_noise, memory)
         self._ahead = WallAhead(parameters.obstacle_noise)
         self._front: float | None = None
         self._compass_sum = 0.0

@@ -76,12 +76,15 @@ class TableWorker:
         self.error: BaseException | None = None
         self._done = threading.Event()
         self._looped = threading.Event()
+        self._threads: list[threading.Thread] = []
 
     def start(self) -> None:
         """Start the threads."""
         self._began = time.monotonic()
-        threading.Thread(target=self._run, name="pose tables", daemon=True).start()
-        threading.Thread(target=self._load_loops, name="pose loops", daemon=True).start()
+        for work, name in ((self._run, "pose tables"), (self._load_loops, "pose loops")):
+            thread = threading.Thread(target=work, name=name, daemon=True)
+            self._threads.append(thread)
+            thread.start()
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until all tables are there, or something went wrong.
@@ -119,6 +122,11 @@ class TableWorker:
         for process in (self._process, self._warming):
             if process is not None:
                 process.terminate()
+
+    def join(self) -> None:
+        """Wait for the threads, after `stop`: a second at the most, if one is loading something."""
+        for thread in self._threads:
+            thread.join()
 
     def _run(self) -> None:
         try:

@@ -8,18 +8,19 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from agent.run.session import Session, Settings
+from agent.run.published_method import PublishedMethod
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from agent.drives.base import Drive
-    from agent.drives.right.controller import Controller
+    from agent.run.live_controller import LiveController
     from agent.run.reporter import Reporter
+    from agent.run.session import Settings
     from agent.run.signals import Interrupts
-    from ciberrato.files.run_log import RunWriter
-    from ciberrato.files.run_records import Cycle
-    from ciberrato.localization.live_filter import LiveFilter
+    from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
+    from ciberrato.localization.pose_filter import PoseFilter
     from ciberrato.localization.tables.worker import TableWorker
-    from ciberrato.net.link import Link
 
 _LINE_EVERY = 20  # cycles between two lines of what is known
 _BAR = 24
@@ -57,8 +58,10 @@ class LiveSettings:
     lockstep: bool = False
 
 
-class LiveSession(Session):
-    """One run of the agent with the pose filter in the loop.
+class LiveMethod:
+    """Has a localizer take every message in; at the end it writes the filter's beliefs.
+
+    After a drive to the right without `smooth` the belief file is the published method's.
 
     Parameters
     ----------
@@ -75,45 +78,53 @@ class LiveSession(Session):
         from ciberrato.localization.belief import compiled
 
         compiled.choice()  # to complain at once
-        super().__init__(settings, interrupts, reporter)
-        self._live_settings = live
-        self._tables: TableWorker | None = None
-        self._live: LiveFilter | None = None
+        self._settings = settings
+        self._live = live
+        self._interrupts = interrupts
+        self._reporter = reporter
+        # The published method's tables are wanted at the end, if at all; until then they are not worked out.
+        self._published = PublishedMethod(settings, interrupts, reporter, late=True)
         self._bar = _ProgressBar()
+        self._tables: TableWorker | None = None
+        self._localizer: PoseFilter | None = None
+        self._header: RunHeader | None = None
         self._claimed = False
         self._restarts = 0
-        self._finished: str | None = None
 
-    def run(self) -> int:
-        """See `Session.run`."""
-        try:
-            self._start_tables()
-            self._prepare()
-            if self._live_settings.lockstep and not self._tables_are_there():
-                return self._interrupts.status
-            return super().run()
-        finally:
-            if self._tables is not None:
-                self._tables.stop()
-
-    def _prepare(self) -> None:
-        """Load what the loop will need: later, that would cost it its first cycles."""
+    def prepare(self) -> bool:
+        """Fetch tables, and load what the loop will need: later, that would cost it its first cycles."""
         import gc
 
+        from ciberrato.localization.tables.worker import TableWorker
+
+        settings = self._settings
+        self._tables = TableWorker(
+            settings.lab, settings.angles, progress=None if settings.quiet else self._bar.show
+        )
+        self._tables.start()
         import agent.offline.expected_readings
         import agent.run.live_controller  # noqa: F401
         import ciberrato.files.run_log
-        import ciberrato.localization.live_filter  # noqa: F401
+        import ciberrato.localization.pose_filter  # noqa: F401
         from agent.drives.registry import load_drive
         from ciberrato.localization.belief import compiled
 
-        load_drive(self._live_settings.drive)
+        load_drive(self._live.drive)
         if compiled.at_hand():
-            assert self._tables is not None
             self._tables.wait_for_loops()
         # What is here now stays: no need to look through it again and again for what can go.
         gc.collect()
         gc.freeze()
+        return not self._live.lockstep or self._tables_are_there()
+
+    def begin(self) -> None:
+        """See `Method.begin`."""
+        self._published.begin()
+
+    def announce(self, header: RunHeader) -> None:
+        """See `Method.announce`."""
+        self._header = header
+        self._published.announce(header)
 
     def _tables_are_there(self) -> bool:
         """Wait for everything that would come later in another cycle next time; say whether to go on."""
@@ -128,69 +139,60 @@ class LiveSession(Session):
             raise self._tables.error
         return True
 
-    def _start_worker(self) -> None:
-        # The published method's tables are wanted at the end, if at all; until then they are not worked out.
-        from agent.offline.expected_readings import ExpectedReadingsWorker
-
-        settings = self._settings
-        self._worker = ExpectedReadingsWorker(settings.lab, settings.angles, model=settings.distance_model)
-
-    def _start_tables(self) -> None:
-        from ciberrato.localization.tables.worker import TableWorker
-
-        settings = self._settings
-        self._tables = TableWorker(
-            settings.lab, settings.angles, progress=None if settings.quiet else self._bar.show
-        )
-        self._tables.start()
-
-    def _make_controller(self) -> Controller:
+    def controller(self, header: RunHeader) -> LiveController:
+        """See `Method.controller`."""
         from agent.run.live_controller import LiveController
         from ciberrato.localization.evidence.other_sensors import sensors_used
-        from ciberrato.localization.live_filter import LiveFilter
+        from ciberrato.localization.pose_filter import PoseFilter
 
-        assert self._header is not None
-        assert self._tables is not None
-        settings, live = self._settings, self._live_settings
-        sensors = ", ".join(sensors_used(settings.lab, self._header.parameters))
+        settings, live = self._settings, self._live
+        sensors = ", ".join(sensors_used(settings.lab, header.parameters))
         self._reporter.say(f"the pose is told by {sensors}; start: {live.start}")
-        budget = math.inf if live.lockstep else None
-        self._live = LiveFilter(
-            settings.lab, self._header.parameters, self._tables, start=live.start, budget=budget
+        self._localizer = PoseFilter(
+            settings.lab,
+            header.parameters,
+            settings.angles,
+            start=live.start,
+            budget=math.inf if live.lockstep else None,
+            tables=self._tables,
         )
         return LiveController(
-            self._header,
-            self._live,
-            self._make_drive(),
+            header,
+            self._localizer,
+            self._make_drive(header),
             exit_at_wall=settings.exit_at_wall,
             exit_when_finished=live.exit_when_finished,
             lockstep=live.lockstep,
         )
 
-    def _make_drive(self) -> Drive | None:
-        settings, live = self._settings, self._live_settings
+    def _make_drive(self, header: RunHeader) -> Drive | None:
+        settings, live = self._settings, self._live
         if live.drive == "right":
             return None
         from agent.drives import make_drive
 
-        assert self._header is not None
         return make_drive(
             live.drive,
             settings.lab,
-            self._header.parameters,
+            header.parameters,
             settings.angles,
             goal=live.goal,
             cruise=settings.cruise,
         )
 
-    def _record(self, cycle: Cycle, writer: RunWriter) -> None:
-        super()._record(cycle, writer)
-        if cycle.estimate is None or not self._live_settings.show:
+    @property
+    def failure(self) -> str | None:
+        """See `Method.failure`."""
+        return self._published.failure
+
+    def report(self, cycle: Cycle) -> None:
+        """See `Method.report`."""
+        if cycle.estimate is None or not self._live.show:
             return
         x, y, heading, probability = cycle.estimate
-        assert self._live is not None
-        assert self._live.filter is not None
-        restarts = len(self._live.filter.restarts)
+        assert self._localizer is not None
+        assert self._localizer.live.filter is not None
+        restarts = len(self._localizer.live.filter.restarts)
         news = ""
         if restarts > self._restarts:
             news = "; the robot must have been moved, starting anew"
@@ -207,10 +209,10 @@ class LiveSession(Session):
 
     def _others(self, probability: float) -> str:
         """Say what else the pose may be, if it is not certain."""
-        assert self._live is not None
+        assert self._localizer is not None
         if probability > 0.95:
             return ""
-        others = [mode for mode in self._live.modes() if mode.probability >= 0.05]
+        others = [mode for mode in self._localizer.live.modes() if mode.probability >= 0.05]
         if len(others) < 2:
             return ""
         listed = ", ".join(
@@ -219,32 +221,29 @@ class LiveSession(Session):
         )
         return f"; {len(others)} places fit: {listed}"
 
-    def _finish(self, link: Link, reason: str) -> int:
-        if self._live is None or not self._live.history:
-            return self._finish_as_published(link, reason)
-        self._stop(link)
+    def finish(self, run: RecordedRun | None, reason: str, stop: Callable[[], None]) -> int:
+        """See `Method.finish`."""
+        if self._localizer is None or not self._localizer.live.history:
+            return self._published.finish(run, reason, stop)
+        live = self._localizer.live
+        stop()
         begin = time.monotonic()
-        self._live.finish()
+        live.finish()
         assert self._tables is not None
         self._tables.stop()
-        for line in self._live.statistics.lines(self._tables):
+        for line in live.statistics.lines(self._tables):
             self._reporter.say(line)
         if time.monotonic() - begin > 1.0:
             self._reporter.say(f"caught up in {time.monotonic() - begin:.1f} s")
-        if self._live_settings.drive == "right" and not self._live_settings.smooth:
-            return self._finish_as_published(link, reason)
+        if self._live.drive == "right" and not self._live.smooth:
+            return self._published.finish(run, reason, stop)
         return self._write_beliefs(reason)
-
-    def _finish_as_published(self, link: Link, reason: str) -> int:
-        if self._worker is not None:
-            self._worker.start()
-        return super()._finish(link, reason)
 
     def _write_beliefs(self, reason: str) -> int:
         from ciberrato.files.beliefs import write_beliefs
         from ciberrato.localization.cell_beliefs import cell_beliefs
 
-        assert self._live is not None
+        assert self._localizer is not None
         assert self._tables is not None
         settings = self._settings
         tables = self._tables.fine or self._tables.coarse
@@ -255,13 +254,19 @@ class LiveSession(Session):
             settings.lab,
             tables,
             self._header.parameters,
-            self._live.history,
-            start=self._live_settings.start,
-            smooth=self._live_settings.smooth,
+            self._localizer.live.history,
+            start=self._live.start,
+            smooth=self._live.smooth,
         )
         write_beliefs(settings.output, beliefs, settings.precision)
         self._reporter.say(f"{settings.output}: {len(beliefs)} blocks")
         return 0
+
+    def close(self) -> None:
+        """See `Method.close`."""
+        if self._tables is not None:
+            self._tables.stop()
+        self._published.close()
 
 
 class _ProgressBar:

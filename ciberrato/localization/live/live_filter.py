@@ -11,21 +11,19 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 
-from ciberrato.localization.belief.estimate import PoseEstimate, modes
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.live_statistics import LiveStatistics
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.belief.estimate import PoseEstimate
+from ciberrato.localization.evidence.start_prior import StartPrior
+from ciberrato.localization.filtering.alignment import dead_reckoned
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
+from ciberrato.localization.live.statistics import LiveStatistics
+from ciberrato.localization.records import Command, FilterSettings, Input
 from ciberrato.localization.tables.worker import TableWorker
-from ciberrato.physics.kinematics import advance, clamp_power, filter_power, wrap_angle
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
-
-Command = tuple[float, float]
-Input = tuple[Measures, Command | None]
 
 _BUDGET = 0.5
 _POLL = 0.05  # seconds
@@ -42,8 +40,10 @@ class LiveFilter:
         As announced.
     worker : TableWorker
         Started.
-    start : {"anywhere", "centres"}
-        See `PoseFilter`.
+    start : str or StartPrior
+        See `GridFilter`.
+    settings : FilterSettings, optional
+        On the fine lattice.
     budget : float or None
         Seconds a cycle; None = half of CycleTime, infinite: every message is taken in at once.
     clock : callable
@@ -56,7 +56,8 @@ class LiveFilter:
         parameters: Parameters,
         worker: TableWorker,
         *,
-        start: str = "anywhere",
+        start: str | StartPrior = "anywhere",
+        settings: FilterSettings | None = None,
         budget: float | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
@@ -64,11 +65,12 @@ class LiveFilter:
         self._parameters = parameters
         self._worker = worker
         self._start = start
+        self._settings = settings
         self._budget = _BUDGET * parameters.cycle_time / 1000.0 if budget is None else budget
         self._clock = clock
         self.history: list[Input] = []
         """The messages, each with the command that was in effect before it; of a long rest only some."""
-        self.filter: StagedFilter | None = None
+        self.filter: GridFilter | None = None
         """None until there are tables."""
         self._taken = 0
         self._rested = 0
@@ -86,7 +88,7 @@ class LiveFilter:
         ----------
         measures : Measures
         command_in_effect : (float, float) or None
-            See `PoseFilter.observe`.
+            See `GridFilter.observe`.
         """
         begin = self._clock()
         self._remember(measures, command_in_effect)
@@ -114,12 +116,12 @@ class LiveFilter:
         else:
             self.history.append((measures, command))
 
-    def finish(self) -> StagedFilter:
+    def finish(self) -> GridFilter:
         """Take in everything that is still waiting; without any tables yet, wait for the first.
 
         Returns
         -------
-        StagedFilter
+        GridFilter
 
         Raises
         ------
@@ -143,18 +145,20 @@ class LiveFilter:
         """Give all poses that the belief is gathered around, the likeliest first."""
         if self.filter is None:
             return []
-        return sorted((self._carry_on(mode) for mode in modes(self.filter.belief)), key=_less_probable)
+        return sorted((self._carry_on(mode) for mode in self.filter.modes()), key=_less_probable)
 
     def _look_for_tables(self) -> None:
         if self._worker.error is not None:
             raise self._worker.error
         coarse, fine = self._worker.coarse, self._worker.fine
         if self.filter is None and coarse is not None:
-            self.filter = StagedFilter(self.lab, coarse, fine, self._parameters, start=self._start)
-        elif self.filter is not None and self.filter.fine_tables is None:
-            self.filter.fine_tables = fine
+            self.filter = staged_filter(
+                self.lab, coarse, fine, self._parameters, self._settings, start=self._start
+            )
+        elif self.filter is not None and self.filter.fine is not None and self.filter.fine.tables is None:
+            self.filter.fine.tables = fine
 
-    def _feed(self, pose_filter: PoseFilter, taken: int, end: float) -> int:
+    def _feed(self, pose_filter: GridFilter, taken: int, end: float) -> int:
         while taken < len(self.history) and self._clock() < end:
             pose_filter.observe(*self.history[taken])
             taken += 1
@@ -164,18 +168,13 @@ class LiveFilter:
         assert self.filter is not None
         if self.lag == 0:
             return found
-        pose, wheels = (found.x, found.y, found.heading), self.filter.wheels
-        for waiting in _commands(self.history[max(self._taken - 1, 0) :]):
-            left, right = (filter_power(clamp_power(c), w) for c, w in zip(waiting, wheels, strict=True))
-            wheels = left, right
-            pose = advance(*pose, *wheels)
-        x, y, heading = pose
-        return found.moved_to(x, y, wrap_angle(heading))
+        waiting = self.history[max(self._taken - 1, 0) :]
+        return dead_reckoned(found, self.filter.wheels, _commands(waiting))
 
 
-def _commands(inputs: Sequence[Input]) -> deque[Command]:
+def _commands(inputs: Sequence[Input]) -> list[Command]:
     """Command in effect in every simulated cycle between the messages."""
-    commands: deque[Command] = deque()
+    commands: list[Command] = []
     for (before, _), (after, command) in itertools.pairwise(inputs):
         commands.extend([command or (0.0, 0.0)] * max(after.time - before.time, 0))
     return commands
