@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.world.parameters import Parameters
-
-Command = tuple[float, float]
 
 _COMMANDS_KEPT = 20  # the newest; an older one cannot be the last before a message
 _LONGEST_STEP_BACK = 50  # cycles; a time farther back than a late message can be is that of a new simulation

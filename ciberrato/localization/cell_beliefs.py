@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief.estimate import PoseEstimate, estimate
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.filtering.grid_filter import GridFilter
@@ -24,8 +24,6 @@ from ciberrato.localization.records import FilterSettings, FilterStep, Input
 from ciberrato.localization.tables.pose_tables import PoseTables
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
-
-Floats = NDArray[np.float64]
 
 _LEAST = 1e-9
 

@@ -16,8 +16,9 @@ from types import TracebackType
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.evidence.start_prior import StartPrior, check_start, parse_start
 from ciberrato.localization.live.live_filter import LiveFilter
-from ciberrato.localization.records import Command, FilterSettings
+from ciberrato.localization.records import FilterSettings
 from ciberrato.localization.tables.worker import TableWorker
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters

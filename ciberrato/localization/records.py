@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import BeaconReading, Measures
 
-Command = tuple[float, float]
 """Left and right motor command, units a cycle."""
 Input = tuple[Measures, Command | None]
 """A message, and the command in effect since the one before."""

@@ -10,8 +10,8 @@ from collections import deque
 from typing import NamedTuple
 
 from ciberrato.localization.belief.estimate import PoseEstimate
-from ciberrato.localization.records import Command, Motion
-from ciberrato.physics.kinematics import advance, clamp_power, filter_power, wrap_angle
+from ciberrato.localization.records import Motion
+from ciberrato.physics.kinematics import Command, advance, clamp_power, filter_power, wrap_angle
 from ciberrato.protocol.messages import BeaconReading, Measures
 from ciberrato.world.parameters import Parameters
 

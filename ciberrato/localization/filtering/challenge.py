@@ -20,7 +20,8 @@ from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.evidence.symmetry import PoseScore
 from ciberrato.localization.filtering.alignment import MessageAlignment
 from ciberrato.localization.filtering.stage import Stage
-from ciberrato.localization.records import Command, FilterStep
+from ciberrato.localization.records import FilterStep
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
 
 PERIOD = 40

@@ -29,9 +29,10 @@ from ciberrato.localization.filtering.diffusion import Diffusion
 from ciberrato.localization.filtering.images import TurnedImages
 from ciberrato.localization.filtering.stage import FineStage, Stage
 from ciberrato.localization.filtering.tempering import Tempering
-from ciberrato.localization.records import Command, FilterSettings, FilterStep, Motion
+from ciberrato.localization.records import FilterSettings, FilterStep, Motion
 from ciberrato.localization.refinement.refiner import Refinement
 from ciberrato.localization.tables.pose_tables import PoseTables
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters

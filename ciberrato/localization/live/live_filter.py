@@ -19,8 +19,9 @@ from ciberrato.localization.filtering.alignment import dead_reckoned
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.live.statistics import LiveStatistics
-from ciberrato.localization.records import Command, FilterSettings, Input
+from ciberrato.localization.records import FilterSettings, Input
 from ciberrato.localization.tables.worker import TableWorker
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
