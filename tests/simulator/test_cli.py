@@ -132,7 +132,7 @@ class Process:
 
     def finish(self, number: signal.Signals) -> tuple[int, str, str]:
         self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=10)
+        out, err = self.process.communicate(timeout=60)
         return self.process.returncode, out, err
 
 
@@ -198,7 +198,7 @@ def test_runs_follow_one_another_and_the_process_ends(processes: list[Process], 
                 last = link.receive(10.0) or b""
                 assert last
                 link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
-    out, err = simulator.process.communicate(timeout=10)
+    out, err = simulator.process.communicate(timeout=60)
     assert (simulator.process.returncode, out) == (0, "")
     assert "Traceback" not in err
     assert "robot 1, 'santos': running, score 200" in err
@@ -228,7 +228,7 @@ def test_it_can_end_by_itself_when_the_robots_have_gone(processes: list[Process]
         link.register(encode(RobotRegistration(name="leaver")))
         while b'Time="5"' not in (link.receive(10.0) or b""):
             link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
-    out, err = simulator.process.communicate(timeout=10)
+    out, err = simulator.process.communicate(timeout=60)
     assert (simulator.process.returncode, out, err) == (0, "", "")
     (run,) = json.loads(result.read_text())["runs"]
     assert (run["state"], run["robots"][0]["name"]) == ("Running", "leaver")
