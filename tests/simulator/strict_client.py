@@ -14,7 +14,7 @@ from __future__ import annotations
 import socket
 import xml.etree.ElementTree as ElementTree
 
-PATIENCE = 60.0
+PATIENCE = 300.0
 TIME_LIMIT = 2.0
 REPLY_SIZE = 1024
 MEASURES_SIZE = 4096
