@@ -13,7 +13,7 @@ import pytest
 
 from simulator_stub.assembly import build_server
 from simulator_stub.options import parse_arguments
-from simulator_stub.pace import IDLE_LIMIT
+from simulator_stub.service.pace import IDLE_LIMIT
 
 
 def _load() -> ModuleType:
