@@ -88,7 +88,17 @@ def demonstrate(folder: Path, seed: int) -> int:
     for path in (output, log, truth, folder / "belief.png"):
         path.unlink(missing_ok=True)  # what is there afterwards is from this run
     simulator_words = ["--lab", LAB, "--grid", LAB, "--seed", str(seed), "--port", "0"]
-    simulator_words += ["--autostart", "1", "--lockstep", "--speed", "20", "--truth", str(truth)]
+    simulator_words += [
+        "--autostart",
+        "1",
+        "--lockstep",
+        "--answer-limit",
+        "inf",
+        "--speed",
+        "20",
+        "--truth",
+        str(truth),
+    ]
     simulator_words += ["--bind", "127.0.0.1"]
     with running("simulator_stub", simulator_words) as simulator:
         port = announced_port(simulator)

@@ -206,7 +206,10 @@ def _find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
             folder = Path(named)
         if not folder.is_dir():
             raise UsageError(f"--labs {folder}: there is no such folder")
-        return [(str(lab.path), None if lab.grid is None else str(lab.grid)) for lab in judged_labs(folder)]
+        found = [(str(lab.path), None if lab.grid is None else str(lab.grid)) for lab in judged_labs(folder)]
+        if not found:
+            raise UsageError(f"--labs {folder}: there are no public labs in it")
+        return found
     find_lab(name)  # complains if there is none
     return [(name, None)]
 

@@ -24,7 +24,7 @@ REPOSITORY = Path(__file__).parents[2]
 PAUSING_AGENT = Path(__file__).with_name("pausing_agent.py")
 PARAMETERS = Parameters(sim_time=0)
 OLD = b"an older file\n"
-PATIENCE = 60.0  # seconds; only a failure takes so long
+PATIENCE = 300.0  # seconds; only a failure takes so long
 
 
 class Agent:
@@ -36,7 +36,7 @@ class Agent:
         command = ["-m", "agent"] if place is None else [str(PAUSING_AGENT), place]
         files = ["--log", str(self.log), "-o", str(self.output)]
         self.process = subprocess.Popen(
-            [sys.executable, *command, "-h", f"127.0.0.1:{port}", "--silence", "50", *files, *options],
+            [sys.executable, *command, "-h", f"127.0.0.1:{port}", "--silence", "250", *files, *options],
             cwd=REPOSITORY,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

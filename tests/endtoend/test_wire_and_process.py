@@ -30,7 +30,7 @@ def running(module, *words, folder):
         stderr=subprocess.STDOUT,
         text=True,
     )
-    timer = threading.Timer(60, process.kill)
+    timer = threading.Timer(300, process.kill)
     timer.start()
     try:
         yield process
@@ -45,7 +45,17 @@ def over_the_wire(transport, lab_name, start, seed, folder):
     """Readings of each step and the belief file of the real processes."""
     pose = f"{start.x:g},{start.y:g},{start.direction:g}"
     simulator_words = ["--lab", lab_name, "--grid", pose, "--seed", str(seed), "--port", "0"]
-    simulator_words += ["--bind", "127.0.0.1", "--autostart", "1", "--lockstep", "--speed", "1000"]
+    simulator_words += [
+        "--bind",
+        "127.0.0.1",
+        "--autostart",
+        "1",
+        "--lockstep",
+        "--answer-limit",
+        "inf",
+        "--speed",
+        "1000",
+    ]
     with running("simulator_stub", *simulator_words, folder=folder) as simulator:
         port = next(
             found[1] for line in simulator.stdout if (found := re.search(rf"{transport} .*:(\d+)", line))
@@ -75,7 +85,7 @@ def test_the_wire_changes_nothing(transport, lab_name, seed, tmp_path):
 @pytest.mark.slow
 def test_a_run_that_is_watched_ends_as_any_other(tmp_path):
     words = ["--lab", "corridors", "--grid", "corridors", "--seed", "7", "--port", "0", "--autostart", "1"]
-    words += ["--bind", "127.0.0.1", "--lockstep", "--speed", "20"]
+    words += ["--bind", "127.0.0.1", "--lockstep", "--answer-limit", "inf", "--speed", "20"]
     with running("simulator_stub", *words, folder=tmp_path) as simulator:
         port = next(found[1] for line in simulator.stdout if (found := re.search(r"udp .*:(\d+)", line)))
         agent_words = ["-h", f"127.0.0.1:{port}", "-m", "corridors", "--watch", "--exit-at-wall"]

@@ -161,7 +161,9 @@ def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
     environment = os.environ | {"CIBERRATO_CACHE": str(tmp_path / "cache")}
     command = [sys.executable, "-m", "simulator_stub", "--lab", str(lab), "--grid", "1,4.2,77", "--port", "0"]
     simulator = subprocess.Popen(
-        [*command, "--autostart", "1", "--seed", "3", "--lockstep"], stdout=subprocess.PIPE, text=True
+        [*command, "--autostart", "1", "--seed", "3", "--lockstep", "--answer-limit", "inf"],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     options = [
         "--angles",
@@ -183,7 +185,7 @@ def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
             env=environment,
             capture_output=True,
             text=True,
-            timeout=90,
+            timeout=300,
             check=False,
         )
     finally:
