@@ -18,6 +18,7 @@ from ciberrato.version import __version__
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from ciberrato.client import Robot
     from ciberrato.errors import CiberratoError, LabError, ProtocolError, UsageError
     from ciberrato.files.lab import read_lab
     from ciberrato.files.parameters import read_parameters
@@ -35,6 +36,7 @@ _HOMES = {
     "Parameters": "ciberrato.world.parameters",
     "PoseFilter": "ciberrato.localization.pose_filter",
     "ProtocolError": "ciberrato.errors",
+    "Robot": "ciberrato.client",
     "StartGrid": "ciberrato.world.start_grid",
     "UsageError": "ciberrato.errors",
     "find_grid": "ciberrato.labs",
@@ -52,6 +54,7 @@ __all__ = [
     "Parameters",
     "PoseFilter",
     "ProtocolError",
+    "Robot",
     "StartGrid",
     "UsageError",
     "__version__",

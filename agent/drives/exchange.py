@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ciberrato.client.requests import RequestRota
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.world.parameters import Parameters
@@ -29,7 +30,7 @@ class Exchange:
         self.unanswered = 0
         """Measures that were overtaken by a newer one before they were answered."""
         self._parameters = parameters
-        self._requests = _RequestRota(parameters)
+        self._requests = RequestRota(parameters)
         self._sent: list[tuple[float, Command]] = []
 
     def sent(self, time: float) -> None:
@@ -89,20 +90,3 @@ class Exchange:
         if 0 < self._parameters.sim_time <= measures.time:
             return "the run's time is up"
         return None
-
-
-class _RequestRota:
-    """Asks for the sensors that come on request only; in turn, if not all may be asked for at once."""
-
-    def __init__(self, parameters: Parameters) -> None:
-        names = [f"IRSensor{sensor}" for sensor in range(4)] if parameters.obstacle_requestable else []
-        names += ["Compass"] if parameters.compass_requestable and parameters.compass_sensor else []
-        names += ["Collision"] if parameters.collision_requestable else []
-        self._names = names
-        self._at_once = min(parameters.requests_per_cycle, len(names))
-
-    def next(self) -> tuple[str, ...]:
-        """Return the names to ask for now."""
-        now = tuple(self._names[: self._at_once])
-        self._names = [*self._names[self._at_once :], *now]
-        return now

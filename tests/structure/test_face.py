@@ -14,7 +14,7 @@ import ciberrato
 BIN = Path(sys.executable).parent
 FACE = {
     *("CiberratoError", "LabError", "ProtocolError", "UsageError", "__version__"),
-    *("Lab", "Parameters", "StartGrid", "read_grid", "read_lab", "read_parameters"),
+    *("Lab", "Parameters", "Robot", "StartGrid", "read_grid", "read_lab", "read_parameters"),
     *("find_grid", "find_lab", "find_parameters", "PoseFilter"),
 }
 
