@@ -88,7 +88,7 @@ class Robot(Controls):
         simulation: SteppedSimulation | None = None,
     ) -> None:
         core = RobotCore(name, position=position, angles=angles, every_cycle=every_cycle)
-        recorder = RunRecorder(log, localize)
+        recorder = RunRecorder(log, localize, wait=simulation is not None)
         channel: Channel = (
             LinkChannel(host, transport) if simulation is None else SimulationChannel(simulation)
         )

@@ -26,9 +26,14 @@ class RunRecorder:
         File for the log, ``run.jsonl``; what it held is lost.
     localize : Lab or str or Path or None
         The lab, its file, or the name of one that ships: the live filter runs in it.
+    wait : bool
+        Whether to wait for the filter's tables before the run, where no clock runs meanwhile.
     """
 
-    def __init__(self, log: str | Path | None, localize: Lab | str | Path | None) -> None:
+    def __init__(
+        self, log: str | Path | None, localize: Lab | str | Path | None, *, wait: bool = False
+    ) -> None:
+        self._wait = wait
         self._log = None if log is None else Path(log)
         self.lab, self._lab_name, self._lab_data = _find(localize)
         self._writer: RunWriter | None = None
@@ -41,7 +46,7 @@ class RunRecorder:
         if self.lab is not None:
             from ciberrato.localization import PoseFilter
 
-            self._filter = PoseFilter(self.lab, core.acceptance.parameters, core.angles)
+            self._filter = PoseFilter(self.lab, core.acceptance.parameters, core.angles, wait=self._wait)
             self._filter.__enter__()
         if self._log is not None:
             from ciberrato.files.run_log import RunWriter
