@@ -1,7 +1,6 @@
 """Inputs that are none: every function says so, and where; unusual ones are taken as they are meant."""
 
-from __future__ import annotations
-
+import itertools
 import math
 
 import numpy as np
@@ -141,6 +140,7 @@ def test_shapes_must_agree(belief, function):
         lambda: QuantizedGaussian(sigma=0.1, step=0.1, outlier_readings=1.5),
         lambda: QuantizedGaussian(sigma=np.nan, step=0.1),
     ],
+    ids=itertools.count(),
 )
 def test_what_makes_no_sense_is_refused(call):
     with pytest.raises(ValueError):  # noqa: PT011  each has its own words

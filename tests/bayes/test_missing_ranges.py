@@ -94,6 +94,7 @@ def test_more_or_fewer_ranges_than_beams_are_refused_by_all_sensors(name):
         lambda m: BEAM.log_likelihood([1.0, 2.0], m),
         lambda m: BEAM.sample(m, np.random.default_rng(1)),
     ],
+    ids=itertools.count(),
 )
 def test_nan_in_the_map_is_named(function):
     with pytest.raises(ValueError, match=r"map is nan at \(1, 1\)"):
