@@ -52,7 +52,7 @@ _ELEMENTS: dict[str, SensorElement] = {
     field.name: field.metadata["element"] for field in fields(Measures) if "element" in field.metadata
 }
 """By the field of `Measures`, in the order in which they are written."""
-_FIELDS = {element.name: field for field, element in _ELEMENTS.items()}
+_FIELDS = {name: field for field, (name, _) in _ELEMENTS.items()}
 _ADDED = _ELEMENTS.keys() - {"gps", "line"}
 """Of sensors that the layouts above do not know: messages with them go through the XML parser."""
 
@@ -181,20 +181,22 @@ def _beacon(values: dict[str, str]) -> BeaconReading:
 def _read(element: SensorElement, values: dict[str, str]) -> Any:
     """Read the attributes of a sensor's element, each by its kind."""
     read = []
-    for name, kind in element.attributes.items():
-        text, place = required(values, element.name, name), f"{element.name} {name}"
+    called, attributes = element
+    for name, kind in attributes.items():
+        text, place = required(values, called, name), f"{called} {name}"
         read.append(text if kind is str else (strict_integer if kind is int else strict_real)(text, place))
     return read[0] if len(read) == 1 else tuple(read)
 
 
 def _write(element: SensorElement, reading: Any) -> str:
     """Write a sensor's element."""
-    values = (reading,) if len(element.attributes) == 1 else reading
+    called, attributes = element
+    values = (reading,) if len(attributes) == 1 else reading
     written = "".join(
-        f' {name}="{attribute(value, f"{element.name} {name}") if kind is str else general(value)}"'
-        for (name, kind), value in zip(element.attributes.items(), values, strict=True)
+        f' {name}="{attribute(value, f"{called} {name}") if kind is str else general(value)}"'
+        for (name, kind), value in zip(attributes.items(), values, strict=True)
     )
-    return f"\t\t<{element.name}{written} />\n"
+    return f"\t\t<{called}{written} />\n"
 
 
 def _score(values: dict[str, str]) -> ScoreReading:

@@ -6,7 +6,7 @@ Values are those on the wire: degrees, units, cycles. What is absent on the wire
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
@@ -226,25 +226,17 @@ class ScoreReading:
     visited_mask: str = ""
 
 
-class SensorElement(NamedTuple):
-    """How a sensor's reading stands in Measures: an element in Sensors, after the beacons.
+SensorElement = tuple[str, dict[str, type]]
+"""How a sensor's reading stands in Measures: as an element in Sensors, after the beacons.
 
-    Attributes
-    ----------
-    name : str
-        Of the element.
-    attributes : dict of str to type
-        Names and kinds (float, int or str), in the order in which they are written. With one attribute the
-        reading is its value, with several a tuple of them.
-    """
-
-    name: str
-    attributes: dict[str, type]
+Its name, and names and kinds (float, int or str) of its attributes, in the order in which they are written.
+With one attribute the reading is its value, with several a tuple of them.
+"""
 
 
 def sent_as(name: str, **attributes: type) -> Any:
     """Return the field of a sensor that is sent as an element of its own; None where it is not sent."""
-    return field(default=None, metadata={"element": SensorElement(name, attributes)})
+    return field(default=None, metadata={"element": (name, attributes)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

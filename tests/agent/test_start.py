@@ -32,6 +32,7 @@ def test_before_the_registration_neither_numpy_nor_a_filter_nor_a_drive_is_loade
     loaded = set(json.loads(done.stdout))
     assert "agent.run.session" in loaded
     assert not loaded & {"numpy", "ciberrato.localization.grid_filter", "ciberrato.files.run_records"}
+    assert "ciberrato.protocol.tolerantxml" not in loaded
     assert not loaded & {kind.home for kind in DRIVES.values()}
 
 
