@@ -34,7 +34,8 @@ export function drawTargets(lab) {
     svg("circle", { class: "target-ring", r: Math.max(0.05, radius - 0.04) }),
     // The robot's centre must be inside the inner ring.
     ...(radius > 0.55 ? [svg("circle", { class: "target-inner", r: radius - 0.5 })] : []),
-    ...(lab.targets.length > 1 ? [upright(0, 0, String(index), "floor-text target-text")] : []))));
+    // Beside the middle: a beacon often stands there.
+    ...(lab.targets.length > 1 ? [upright(-0.5 * radius, 0.5 * radius, String(index), "floor-text target-text")] : []))));
 }
 
 export function drawStarts(grid) {
