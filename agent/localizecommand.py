@@ -8,8 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agent import optiontypes
-from agent.optionparser import PRESETS, OptionParser, add_output, add_precision, check_output, read_lab_file
+from agent.optionparser import (
+    PRESETS,
+    OptionParser,
+    add_output,
+    add_precision,
+    add_replay,
+    check_output,
+    read_lab_file,
+)
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
@@ -102,19 +109,7 @@ def _parser() -> OptionParser:
     add_output(parser)
     add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
     add_precision(parser, default=None)
-    add(
-        "--angles",
-        type=optiontypes.angles,
-        default=(0.0, 90.0, -90.0, 180.0),
-        metavar="A,B,C,D",
-        help="of the IR sensors, where a simulator's log does not tell; default: 0,90,-90,180",
-    )
-    add(
-        "--robot",
-        type=optiontypes.count,
-        metavar="N",
-        help="which one of a simulator's log; default: the first",
-    )
+    add_replay(parser)
     add("--animate", type=Path, metavar="FILE", help="draw the run as a moving picture: .gif, .html, .mp4")
     add("--quiet", action="store_true", help="no table")
     return parser

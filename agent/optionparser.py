@@ -115,6 +115,28 @@ def add_precision(parser: argparse.ArgumentParser, default: int | None) -> None:
     parser.add_argument("--precision", type=optiontypes.precision, default=default, metavar="N", help=text)
 
 
+def add_replay(parser: argparse.ArgumentParser) -> None:
+    """Add ``--angles`` and ``--robot``: what a simulator's log does not tell, and whose run of it is meant.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
+    parser.add_argument(
+        "--angles",
+        type=optiontypes.angles,
+        default=(0.0, 90.0, -90.0, 180.0),
+        metavar="A,B,C,D",
+        help="of the IR sensors, where a simulator's log does not tell; default: 0,90,-90,180",
+    )
+    parser.add_argument(
+        "--robot",
+        type=optiontypes.count,
+        metavar="N",
+        help="which one of a simulator's log; default: the first",
+    )
+
+
 def check_output(path: Path) -> None:
     """Refuse a file that cannot be written, before the run and not after it.
 

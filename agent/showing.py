@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent import optiontypes
-from agent.optionparser import OptionParser, read_lab_file
+from agent.optionparser import OptionParser, add_replay, read_lab_file
 from agent.run.reporter import PROGRAM
 from ciberrato.errors import UsageError
 from ciberrato.lab import CELL_SIZE
@@ -239,28 +239,43 @@ def _animate_parser() -> OptionParser:
         "Draw a run as a moving picture: gif, html (one file, works offline), mp4 where ffmpeg is installed.",
     )
     add = parser.add_argument
-    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl")
-    add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
+    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl, or that of a simulator")
+    add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
     add("-o", "--output", type=Path, required=True, metavar="FILE", help="the animation")
-    add("--truth", type=Path, metavar="FILE", help="draw the robot at the simulator's true poses (CSV)")
+    add(
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="draw the robot at the simulator's true poses (CSV); a simulator's log has them",
+    )
+    add_replay(parser)
     add("--every", type=int, default=4, metavar="N", help="cycles a frame; default: 4")
     return parser
 
 
 def _animate(options: argparse.Namespace) -> None:
+    from agent.offline.anyrun import read_recorded
     from agent.offline.localization import ground_truth_of, localize_run
     from agent.offline.truthfile import read_truth
     from agent.views.figures.animation import animate_run, check_animation
-    from ciberrato.runlog import read_run
 
     check_animation(options.output)
     if options.every < 1:
         raise UsageError(f"--every: {options.every} is not a number of cycles, 1 or more")
-    run, (lab, _, _) = read_run(options.run), read_lab_file(options.map)
-    poses = None if options.truth is None else read_truth(options.truth)
+    run, lab, poses = read_recorded(options.run, options.angles, robot=options.robot)
+    if lab is None or options.map is not None:
+        lab = _named_lab(options)
+    if options.truth is not None:
+        poses = read_truth(options.truth)
     found = localize_run(run, ground_truth_of(run.header, lab))
     frames = animate_run(run, found.beliefs, lab, options.output, truth=poses, every=options.every)
     print(f"animation: {options.output}, {frames} frames")
+
+
+def _named_lab(options: argparse.Namespace) -> Lab:
+    if options.map is None:
+        raise UsageError(f"-m LAB is needed: {options.run} does not hold its lab, as a simulator's log does")
+    return read_lab_file(options.map)[0]
 
 
 # --- watch ---------------------------------------------------------------------------------------
@@ -272,20 +287,28 @@ def _watch_parser() -> OptionParser:
         "Show a run while it goes on: one screen, redrawn as the log grows. Ctrl-C ends it.",
     )
     add = parser.add_argument
-    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl; may not exist yet")
-    add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
+    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl, or that of a simulator")
+    add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
+    add_replay(parser)
     add("--once", action="store_true", help="show what is there and end")
     add("--until-eof", action="store_true", help="end when standard input ends, too")
     return parser
 
 
 def _watch(options: argparse.Namespace) -> None:
+    from agent.views.logfollower import SimulatorLogFollower
     from agent.views.watching import watch
+    from ciberrato.logkind import is_simulator_log
 
     ended = _Ending(options.until_eof)
-    lab, _, _ = read_lab_file(options.map)
+    source: Path | SimulatorLogFollower = options.run
+    # An agent's log may not exist yet.
+    if options.run.exists() and is_simulator_log(options.run):
+        source = SimulatorLogFollower(options.run, options.angles, robot=options.robot)
+    held = None if isinstance(source, Path) else source.lab
+    lab = held if held is not None and options.map is None else _named_lab(options)
     colour = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-    watch(options.run, lab, once=options.once, colour=colour, ended=ended)
+    watch(source, lab, once=options.once, colour=colour, ended=ended)
 
 
 class _Ending:

@@ -1,8 +1,11 @@
 """The subcommands that show, on a run that was really driven."""
 
+import dataclasses
+import gzip
 import io
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from agent.views.logfollower import LogFollower
 from agent.views.watching import screen, watch
 from benchmarks.accuracy import ANGLES, drive
 from ciberrato.belieffile import write_beliefs
+from ciberrato.errors import LabError
 from ciberrato.labfile import read_lab
 from ciberrato.parameters import Parameters
 from ciberrato.runlog import RunWriter
@@ -190,3 +194,63 @@ def test_the_track_ends_in_the_most_likely_cell(run):
     track = estimated_track(read_run(run / "run.jsonl"), beliefs)
     np.testing.assert_allclose(track[-1][:2], (27, 7))
     np.testing.assert_allclose(track[0][:2], (19, 7))
+
+
+SIMULATOR_LOG = Path(__file__).parents[1] / "data" / "golden" / "logs" / "log2_two_robots" / "sim.log.gz"
+
+
+def test_watch_shows_a_simulators_log_and_the_true_pose(capsys):
+    assert main(["watch", str(SIMULATOR_LOG), "--once", "--angles", "0,60,-60,180"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("bot1 in Open: cycle 400 of 400, logged")
+    # The last line of the log: <Pos X="24.6008" Y="5.25309" Dir="-42.7437"/>
+    assert "true pose (24.60, 5.25) -42.7°" in shown
+    assert main(["watch", str(SIMULATOR_LOG), "--once", "--robot", "2", "-m", "standard"]) == 0
+    assert capsys.readouterr().out.startswith("bot2 in ")
+
+
+def test_watch_needs_the_lab_of_an_agents_log(run, tmp_path, capsys):
+    for path in (run / "run.jsonl", tmp_path / "not-there-yet.jsonl"):
+        assert main(["watch", str(path), "--once"]) == 2
+        assert "-m LAB is needed" in capsys.readouterr().err
+
+
+def test_a_simulators_log_is_followed_while_it_grows(tmp_path):
+    from agent.views.logfollower import SimulatorLogFollower, follow
+
+    whole = gzip.decompress(SIMULATOR_LOG.read_bytes())
+    path = tmp_path / "sim.log"
+    path.write_bytes(whole[:20_000])
+    follower = SimulatorLogFollower(path, (0.0, 60.0, -60.0, 180.0))
+    assert follower.poll()  # what was there from the beginning is news
+    assert not follower.poll()
+    first = len(follower.run.cycles)
+    assert 5 < first < 50
+    path.write_bytes(whole)
+    for found in follow(follower, interval=0.01, ended=lambda: len(follower.poses) == 401):
+        assert len(found.run.cycles) >= first
+    assert len(follower.run.cycles) == 401
+    path.unlink()
+    with pytest.raises(LabError, match="cannot be read"):
+        for _ in follow(follower, interval=0.01):
+            pass
+
+
+def test_animate_draws_a_simulators_log_with_its_own_lab_and_truth(tmp_path, capsys):
+    output = tmp_path / "run.gif"
+    words = ["animate", str(SIMULATOR_LOG), "-o", str(output), "--every", "100", "--robot", "2"]
+    assert main(words) == 0
+    assert "frames" in capsys.readouterr().out
+    assert output.read_bytes().startswith(b"GIF8")
+
+
+def test_names_of_others_cannot_command_the_terminal(run):
+    follower = LogFollower(run / "run.jsonl")
+    follower.poll()
+    recorded = follower.run
+    header = dataclasses.replace(recorded.header, robot_name="\x1b[2Jx\u202e" + "y" * 400, lab_name="a\nb")
+    truth = compute_ground_truth(read_lab(find_lab("standard")), ANGLES)
+    first, second = screen(dataclasses.replace(recorded, header=header), truth).splitlines()[:2]
+    assert first.startswith("\ufffd[2Jx\ufffdyyy")
+    assert "… in a\ufffdb: cycle" in first
+    assert second.startswith("IR")

@@ -290,8 +290,10 @@ LONG = "x" * 400
 # Turns the text round, hides itself, rings: in the page they are signs.
 UNSEEN = "a\u202eb\u200bc\x7fd"
 OVERPRINTED = """() => {
-    const boxes = [...document.querySelectorAll('#scene > g:last-child > text')].map((e) => e.getBoundingClientRect());
-    const over = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom - 3 && b.top < a.bottom - 3;
+    const labels = [...document.querySelectorAll('#scene > g:last-child > text')];
+    const boxes = labels.map((e) => e.getBoundingClientRect());
+    const over = (a, b) =>
+        a.left < b.right && b.left < a.right && a.top < b.bottom - 3 && b.top < a.bottom - 3;
     return boxes.filter((a, i) => boxes.some((b, j) => j > i && over(a, b))).length;
 }"""
 OUTSIDE = """() => [...document.querySelectorAll('body *')]
@@ -343,14 +345,16 @@ def test_long_names_are_cut_and_whole_for_those_who_hover(world: World, page: An
     assert page.text_content('.robot-g[data-robot="1"] title') == LONG
     assert page.text_content(".tag[data-cut=true] title") == LONG
     assert LONG in page.get_attribute("#events li:last-child button", "title")
-    assert page.text_content("#robots li:last-child .name") == "a\ufffdb\ufffdc\u2421d"
+    assert page.text_content("#robots li:last-child .name") == "a\ufffdb\ufffdc\ufffdd"
 
 
 def test_the_events_have_no_needless_scroll_bar(world: World, page: Any) -> None:
     for position in range(1, 9):
         world.robot(f"mouse {position}", position)
     page.wait_for_selector("#events li:nth-child(8)")
-    bars = "(({ scrollWidth, clientWidth, scrollHeight, clientHeight }) => [scrollWidth - clientWidth, %s])(%s)"
+    bars = (
+        "(({ scrollWidth, clientWidth, scrollHeight, clientHeight }) => [scrollWidth - clientWidth, %s])(%s)"
+    )
     events = "document.querySelector('#events')"
     assert page.evaluate(bars % ("0", events)) == [0, 0]
     # Where the panel has room, all of them are seen.
@@ -395,7 +399,8 @@ def test_the_state_of_a_simulator_that_is_gone_is_not_running(world: World, page
         const frame = { phase: 'running', robots: [1] };
         const found = [];
         for (const [connected, connection, age] of
-            [[true, 'watching', 0], [true, 'watching', 10000], [true, 'searching', 0], [false, 'watching', 0]]) {
+            [[true, 'watching', 0],
+             [true, 'watching', 9999], [true, 'searching', 0], [false, 'watching', 0]]) {
             Object.assign(state, { connected, connection });
             found.push(phaseNow(frame, state.heard + age));
         }
@@ -421,7 +426,8 @@ def test_a_page_without_a_simulator_says_where_it_looks(chromium: Any) -> None:
         # The notice as it first was: before the address is known there is none.
         page.add_init_script("""new MutationObserver(() => {
             const notice = document.querySelector('#notice');
-            if (notice && !notice.hidden) window.notices = (window.notices ?? new Set()).add(notice.textContent);
+            window.notices ??= new Set();
+            if (notice && !notice.hidden) window.notices.add(notice.textContent);
         }).observe(document, { subtree: true, childList: true, attributes: true })""")
         page.goto(url)
         page.wait_for_selector("#notice:not([hidden])")
@@ -436,7 +442,8 @@ def test_a_picture_older_than_a_message_does_not_go_backwards(page: Any) -> None
         const { liveRobots } = await import('/time.js');
         const { tween } = await import('/state.js');
         const robot = (x) => ({ id: 1, x, y: 0, dir: 0 });
-        Object.assign(tween, { from: { robots: [robot(1)] }, to: { robots: [robot(1.1)] }, start: 1000, length: 50 });
+        const [from, to] = [1, 1.1].map((x) => ({ robots: [robot(x)] }));
+        Object.assign(tween, { from, to, start: 1000, length: 50 });
         return [900, 999, 1000, 1025, 1050, 2000].map((now) => liveRobots(now)[0].x);
     }"""
     assert page.evaluate(script) == pytest.approx([1.0, 1.0, 1.0, 1.05, 1.1, 1.1])
@@ -448,7 +455,8 @@ def test_labels_find_free_places(page: Any) -> None:
         let seed = 1;
         const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
         const labels = Array.from({ length: count }, (_, key) => ({
-            key, width: 20 + 60 * random(), height: 15, x: 500 * random(), y: 300 * random(), reach: 8, needed: key === 0,
+            key, width: 20 + 60 * random(), height: 15, x: 500 * random(), y: 300 * random(), reach: 8,
+            needed: key === 0,
             ...(key % 5 === 4 ? { choices: ON } : {}),
         }));
         const taken = labels.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5]).slice(0, 10);
@@ -476,7 +484,7 @@ def test_the_true_cell_is_that_of_the_beliefs_own_cycle(world: World, page: Any)
     page.click("#stop")
     expect_text(page, "#phase", "stopped")
     page.fill("#scrubber", "0")
-    wait_for(page, "ciberrato.store.floor(0) === 0")
+    expect_text(page, "#time", "^0$")
     x, y = place(page)
     page.click("#live")
     cells = np.full((7, 14), 0.001)

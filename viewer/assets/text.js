@@ -4,14 +4,9 @@ const UNSEEN = /[\p{Cc}\p{Cf}\p{Cs}\p{Zl}\p{Zp}]/gu;
 // Joiners make letters and emoji of several signs into one: they hide nothing.
 const JOINERS = "\u200c\u200d";
 
-/** Show control characters as signs: they could turn the text round, or hide a part of it. */
+/** Show control characters as a sign: they could turn the text round, or hide a part of it. */
 export function plain(text) {
-  return text.replace(UNSEEN, (sign) => {
-    const code = sign.codePointAt(0);
-    if (code < 0x20) return String.fromCodePoint(0x2400 + code);
-    if (code === 0x7f) return "\u2421";
-    return JOINERS.includes(sign) ? sign : "\ufffd";
-  });
+  return text.replace(UNSEEN, (sign) => (JOINERS.includes(sign) ? sign : "\ufffd"));
 }
 
 /** Cut a text to at most so many signs, the last of them an ellipsis if something is missing. */
