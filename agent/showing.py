@@ -82,6 +82,7 @@ def _draw_parser() -> OptionParser:
     add("--beliefs", type=Path, metavar="FILE", help="belief file, localization.out")
     add("--run", type=Path, metavar="FILE", help="the run's log, run.jsonl")
     add("--truth", type=Path, metavar="FILE", help="the simulator's true poses, CSV")
+    add("--every-step", action="store_true", help="beliefs: cut no tail of certain steps")
     return parser
 
 
@@ -119,7 +120,9 @@ def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
     beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
     _check_size(beliefs.shape, lab)
     cells = _true_cells(options, len(beliefs))
-    belief_panels(beliefs, options.output, lab=lab, true_cells=cells, title=lab.name)
+    belief_panels(
+        beliefs, options.output, lab=lab, true_cells=cells, title=lab.name, every_step=options.every_step
+    )
 
 
 def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:
@@ -226,7 +229,10 @@ def _compare(options: argparse.Namespace) -> None:
         lab = None if options.map is None else read_lab_file(options.map)[0]
         if lab is not None:
             _check_size(first.shape, lab)
-        difference_panels(comparison, options.png, lab=lab)
+        names = (options.first.name, options.second.name)
+        if names[0] == names[1]:
+            names = (str(options.first), str(options.second))
+        difference_panels(comparison, options.png, lab=lab, names=names)
         print(f"figure: {options.png}")
 
 
