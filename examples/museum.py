@@ -268,7 +268,12 @@ def _draw(museum: Museum, tour: Tour, stops: list[Stop], path: Path) -> Path:
         for axis in (hall_axis, near, seen):
             axis.set(xlabel="x / m", ylabel="y / m", aspect="equal")
     figure.colorbar(
-        image, ax=axes, location="bottom", fraction=0.015, label="probability of the place (0.2 m x 0.2 m)"
+        image,
+        ax=axes,
+        location="bottom",
+        fraction=0.012,
+        pad=0.01,
+        label="probability of the place (0.2 m x 0.2 m)",
     )
     figure.suptitle("red ring: true place; blue numbers: hypotheses in percent", fontsize=11)
     return save(figure, path)
@@ -295,6 +300,7 @@ def _mark_hypotheses(axis: Any, belief: FloatArray) -> None:
             fontsize=9,
             color="tab:blue",
             weight="bold",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5},
         )
 
 

@@ -273,6 +273,9 @@ def drawn(monkeypatch):
     return figures
 
 
+DIFFERENCE = "difference in probability"
+
+
 def shown_axes(figure):
     return [axis for axis in figure.get_axes() if axis.axison and axis.get_visible()]
 

@@ -498,7 +498,7 @@ def test_the_true_cell_is_that_of_the_beliefs_own_cycle(world: World, page: Any)
     ring = [float(page.get_attribute(".then", name)) for name in ("cx", "cy")]
     assert ring == pytest.approx([x, y])
     assert math.dist(place(page), ring) > 0.3
-    expect_text(page, "#scene", "robot at cycle 0")
+    expect_text(page, "#scene .then-text", "^cycle 0$")
     page.fill("#scrubber", "0")
     wait_for(page, "document.querySelector('.then') === null")
 

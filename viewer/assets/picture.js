@@ -158,7 +158,7 @@ function drawThen(belief, list) {
     }
     thenGroup.append(svg("circle", { class: "then", cx: place[0], cy: place[1], r: 0.5 }));
   }
-  return moved ? { key: "then", text: `robot at cycle ${belief.time}`, at: place, className: "then-text", world: 0.5 } : null;
+  return moved ? { key: "then", text: `cycle ${belief.time}`, at: place, className: "then-text", world: 0.5 } : null;
 }
 
 function updateLabels(list, then) {

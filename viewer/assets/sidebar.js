@@ -40,8 +40,10 @@ export function updatePanels(frame, now) {
   const time = state.live ? frame.time : Math.floor(state.t);
   say($("time"), String(time));
   say($("sim-time"), state.simTime ? ` / ${state.simTime}` : "");
-  const moving = state.live && state.connection === "watching" && shown === frame.phase;
-  say($("rate"), moving ? (state.rate < 10 ? state.rate.toFixed(1) : state.rate.toFixed(0)) : "–");
+  // The rate that came with the last frame says nothing once there are no more.
+  const fresh = state.live && state.connection === "watching" && shown === frame.phase;
+  const pace = frame.phase === "running" ? state.rate.toFixed(state.rate < 10 ? 1 : 0) : "0";
+  say($("rate"), fresh ? pace : "–");
   const phase = $("phase");
   say(phase, PHASES[shown] ?? shown);
   phase.dataset.phase = shown;
