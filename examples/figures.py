@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 
 def panels(
-    rows: int, columns: int, size: tuple[float, float], *, layout: str = "constrained", **options: Any
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    *,
+    layout: Literal["constrained", "compressed"] = "constrained",
+    **options: Any,
 ) -> tuple[Any, Any]:
     """Return a matplotlib figure and its axes, (rows, columns); layout "compressed" for maps."""
     from matplotlib.figure import Figure

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ciberrato.atomic import replace_file
 from ciberrato.errors import UsageError
@@ -21,12 +21,14 @@ TRUE_COLOUR = "#d62728"
 LINE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 
 
+Layout = Literal["constrained", "compressed"]
+
 X_LABEL, Y_LABEL = "x (units)", "y (units)"
 LABEL_SIZE = 9
 _MOST_TITLE = 100
 
 
-def new_figure(width: float, height: float, *, layout: str = "constrained") -> Any:
+def new_figure(width: float, height: float, *, layout: Layout = "constrained") -> Any:
     """Make an empty figure that needs no screen.
 
     Parameters
