@@ -102,8 +102,8 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
         from agent.run.session import Session
 
         return Session(settings, interrupts, reporter).run()
-    from agent.pose_filter.startprior import check_start, parse_start
     from agent.run.live_session import LiveSession, LiveSettings
+    from ciberrato.localization.evidence.start_prior import check_start, parse_start
 
     check_start(parse_start(options.start), settings.lab)
     drive, goal = options.drive

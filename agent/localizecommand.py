@@ -22,8 +22,8 @@ from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
     from agent.run.signals import Interrupts
-    from ciberrato.lab import Lab
-    from ciberrato.runrecords import RecordedRun
+    from ciberrato.files.run_records import RecordedRun
+    from ciberrato.world.lab import Lab
 
 
 def localize(words: Sequence[str], interrupts: Interrupts) -> int:
@@ -75,14 +75,14 @@ def localize(words: Sequence[str], interrupts: Interrupts) -> int:
 
 def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
     """Read the log, whosever it is, and the lab."""
-    from agent.offline.simulatorlog import is_simulator_log
+    from agent.offline.simulator_log import is_simulator_log
 
     if is_simulator_log(options.run):
-        from agent.offline.simulatorlog import run_from_simulator_log
+        from agent.offline.simulator_log import run_from_simulator_log
 
         run, lab = run_from_simulator_log(options.run, options.angles, robot=options.robot)
         return run, lab if options.map is None else read_lab_file(options.map)[0]
-    from ciberrato.runlog import read_run
+    from ciberrato.files.run_log import read_run
 
     run = read_run(options.run)
     if options.map is None:

@@ -1,29 +1,30 @@
-"""The parser that all subcommands share: errors are one line, and ``-h`` is left for the host."""
+"""The parser that all subcommands share, and what several of them read."""
 
 from __future__ import annotations
 
 import argparse
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from agent import optiontypes
 from agent.run.reporter import Reporter
+from ciberrato.command_line import ProgramParser
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
-    from ciberrato.lab import Lab
+    from ciberrato.world.lab import Lab
 
 DEFAULT_OUTPUT = Path("localization.out")
 
 PRESETS = ("calibrated", "seed")
 DISTANCES = ("sensor", "cone")
-# As in ciberrato.runrecords, which is not imported yet: making its records takes time that the registration
-# should not wait for.
+# As in ciberrato.files.run_records, which is not imported yet: making its records takes time that the
+# registration should not wait for.
 
 
-class OptionParser(argparse.ArgumentParser):
-    """A parser whose errors are `UsageError`, without abbreviations, with ``--help`` only.
+class OptionParser(ProgramParser):
+    """The parser of all subcommands: ``-h`` is left for the host.
 
     Parameters
     ----------
@@ -34,17 +35,9 @@ class OptionParser(argparse.ArgumentParser):
 
     def __init__(self, usage: str, description: str) -> None:
         super().__init__(
-            prog=usage,
-            description=description,
-            add_help=False,
-            allow_abbrev=False,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            usage, description, add_help=False, formatter_class=argparse.RawDescriptionHelpFormatter
         )
         self.add_argument("--help", action="help", help="show this and end")
-
-    def error(self, message: str) -> NoReturn:
-        """Raise what is wrong with the command line."""
-        raise UsageError(f"{message} (see {self.prog} --help)")
 
 
 def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
@@ -70,8 +63,8 @@ def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
     LabError
         If its contents are wrong.
     """
-    from ciberrato.labfile import parse_lab_with_warnings
-    from maps import find_lab
+    from ciberrato.files.lab import parse_lab_with_warnings
+    from ciberrato.labs import find_lab
 
     path = find_lab(name_or_path)
     try:

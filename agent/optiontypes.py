@@ -39,10 +39,10 @@ def start(text: str) -> str:
     Returns
     -------
     str
-        The same; see `agent.pose_filter.startprior.parse_start`.
+        The same; see `ciberrato.localization.evidence.start_prior.parse_start`.
     """
-    from agent.pose_filter.startprior import parse_start
     from ciberrato.errors import UsageError
+    from ciberrato.localization.evidence.start_prior import parse_start
 
     try:
         parse_start(text)

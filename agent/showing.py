@@ -17,13 +17,13 @@ from agent import optiontypes
 from agent.optionparser import OptionParser, add_replay, read_lab_file
 from agent.run.reporter import PROGRAM
 from ciberrato.errors import UsageError
-from ciberrato.lab import CELL_SIZE
+from ciberrato.world.lab import CELL_SIZE
 
 if TYPE_CHECKING:
     from types import FrameType
 
     from agent.offline.summary import Cell
-    from ciberrato.lab import Lab
+    from ciberrato.world.lab import Lab
 
 
 def show(command: str, words: Sequence[str]) -> int:
@@ -106,7 +106,7 @@ def _draw_cones(options: argparse.Namespace, lab: Lab) -> None:
 
 
 def _draw_table(options: argparse.Namespace, lab: Lab) -> None:
-    from agent.offline.ground_truth import compute_ground_truth
+    from agent.offline.expected_readings import compute_ground_truth
     from agent.views.figures.labmaps import ground_truth_maps
 
     truth = compute_ground_truth(lab, options.angles, model=options.distance)
@@ -115,7 +115,7 @@ def _draw_table(options: argparse.Namespace, lab: Lab) -> None:
 
 def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
     from agent.views.figures.beliefs import belief_panels
-    from ciberrato.belieffile import read_beliefs
+    from ciberrato.files.beliefs import read_beliefs
 
     beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
     _check_size(beliefs.shape, lab)
@@ -127,7 +127,7 @@ def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
 
 def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:
     from agent.views.figures.curves import step_curves
-    from ciberrato.belieffile import read_beliefs
+    from ciberrato.files.beliefs import read_beliefs
 
     beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
     step_curves(beliefs, options.output, true_cells=_true_cells(options, len(beliefs)))
@@ -136,9 +136,9 @@ def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:
 def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
     import numpy as np
 
-    from agent.offline.truthfile import read_truth
+    from agent.offline.truth_file import read_truth
     from agent.views.figures.curves import pose_error_curves
-    from ciberrato.runlog import read_run
+    from ciberrato.files.run_log import read_run
 
     run, poses = read_run(_needed(options, "run")), read_truth(_needed(options, "truth"))
     cycles = [cycle for cycle in run.cycles if cycle.time in poses]
@@ -175,8 +175,8 @@ def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] |
     """Look up the true cell of each block; the log tells at which cycle each step was."""
     if options.truth is None:
         return None
-    from agent.offline.truthfile import read_truth, true_cells
-    from ciberrato.runlog import read_run
+    from agent.offline.truth_file import read_truth, true_cells
+    from ciberrato.files.run_log import read_run
 
     if options.run is None:
         raise UsageError("--truth needs --run, too: the log tells at which cycle each step was")
@@ -218,7 +218,7 @@ def _compare_parser() -> OptionParser:
 
 def _compare(options: argparse.Namespace) -> None:
     from agent.offline.comparison import compare_beliefs, comparison_table
-    from ciberrato.belieffile import read_beliefs
+    from ciberrato.files.beliefs import read_beliefs
 
     first, second = (read_beliefs(path)[-1].beliefs for path in (options.first, options.second))
     comparison = compare_beliefs(first, second)
@@ -262,7 +262,7 @@ def _animate_parser() -> OptionParser:
 def _animate(options: argparse.Namespace) -> None:
     from agent.offline.anyrun import read_recorded
     from agent.offline.localization import ground_truth_of, localize_run
-    from agent.offline.truthfile import read_truth
+    from agent.offline.truth_file import read_truth
     from agent.views.figures.animation import animate_run, check_animation
 
     check_animation(options.output)
@@ -304,7 +304,7 @@ def _watch_parser() -> OptionParser:
 def _watch(options: argparse.Namespace) -> None:
     from agent.views.logfollower import SimulatorLogFollower
     from agent.views.watching import watch
-    from ciberrato.logkind import is_simulator_log
+    from ciberrato.files.log_kind import is_simulator_log
 
     ended = _Ending(options.until_eof)
     source: Path | SimulatorLogFollower = options.run
@@ -383,12 +383,15 @@ def beside(log: Path, *views: Sequence[str]) -> Iterator[None]:
     """
     import subprocess
 
+    from ciberrato.processes import module_command
+
     log.unlink(missing_ok=True)
-    command = [sys.executable, "-m", "agent"]
     # A process group of their own: Ctrl-C is meant for the run. The end of the pipe ends them, when the log
     # is complete, or when this process is no more.
     processes = [
-        subprocess.Popen([*command, *view, "--until-eof"], stdin=subprocess.PIPE, process_group=0)
+        subprocess.Popen(
+            module_command("agent", *view, "--until-eof"), stdin=subprocess.PIPE, process_group=0
+        )
         for view in views
     ]
     try:

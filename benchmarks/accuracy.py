@@ -18,21 +18,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agent.control.pilot import Pilot
-from agent.control.tracker import CellTracker, Crossing
-from agent.offline.ground_truth import compute_ground_truth, standing_room
+from agent.drives.right.pilot import Pilot
+from agent.drives.right.tracker import CellTracker, Crossing
+from agent.offline.expected_readings import compute_ground_truth, standing_room
 from agent.offline.localizer import PRESETS, localize
 from agent.offline.summary import Cell, peak
 from benchmarks.enumeration import enumerate_starts
-from ciberrato.lab import CELL_SIZE, Lab
-from ciberrato.labfile import read_lab
-from ciberrato.parameterfile import read_parameters
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.files.parameters import read_parameters
+from ciberrato.labs import find_lab, find_parameters
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_lab, find_parameters
+from ciberrato.world.lab import CELL_SIZE, Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-from simulator_stub.simulator_state import SimulatorState
+from simulator_stub.world.simulator_state import SimulatorState
 
 LABS = ("standard", "corridors", "maze")
 ANGLES = (0.0, 90.0, -90.0, 180.0)

@@ -15,15 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.offline.ground_truth import compute_ground_truth
+from agent.offline.expected_readings import compute_ground_truth
 from benchmarks.measure import Row, best_time
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import cell_readings, ideal_reading, round_reading, sensor_distances
-from ciberrato.kinematics import advance, clamp_power, filter_power
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import cell_readings, ideal_reading, round_reading, sensor_distances
+from ciberrato.labs import find_lab
+from ciberrato.physics.kinematics import advance, clamp_power, filter_power
 from ciberrato.protocol import Acceptance, Measures, decode_actions, encode
-from maps import find_lab
+from ciberrato.world.parameters import Parameters
 
 REPEATS = 7
 ANGLES = (0.0, 90.0, -90.0, 180.0)

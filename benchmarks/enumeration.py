@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.offline.ground_truth import GroundTruth
+from agent.offline.expected_readings import GroundTruth
 
 Array = NDArray[np.float64]
 Reading = Sequence[float | None]

@@ -21,8 +21,8 @@ from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.filtering import update
 from ciberrato.bayes.motion.shift import Shift
 from ciberrato.bayes.sensors.gaussian import GaussianSensor
-from ciberrato.infrared import cell_readings, round_reading
-from ciberrato.labfile import default_lab
+from ciberrato.files.lab import default_lab
+from ciberrato.infrared.model import cell_readings, round_reading
 from examples.figures import panels, save
 
 TITLE = "CiberRato grid: the published method on the standard lab, from (5, 7), start and 11 cells"

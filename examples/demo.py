@@ -20,12 +20,12 @@ from pathlib import Path
 from typing import IO
 
 from agent.offline.summary import step_table
-from agent.offline.truthfile import read_truth, true_cells
-from ciberrato.belieffile import read_beliefs
+from agent.offline.truth_file import read_truth, true_cells
 from ciberrato.errors import CiberratoError, UsageError
-from ciberrato.labfile import read_lab
-from ciberrato.runlog import read_run
-from maps import find_lab
+from ciberrato.files.beliefs import read_beliefs
+from ciberrato.files.lab import read_lab
+from ciberrato.files.run_log import read_run
+from ciberrato.labs import find_lab
 
 LAB = "standard"
 PATIENCE = 60.0

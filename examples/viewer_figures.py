@@ -83,7 +83,7 @@ def simulated(lab: str, robots: int, *arguments: str) -> Iterator[tuple[str, int
     with started(r"listening on udp .*:(\d+)", "simulator_stub", *simulator) as listening:
         port = int(listening[1])
         watched = ("--simulator", f"127.0.0.1:{port}", "--http", "0", "--overlay", str(_free_udp_port()))
-        with started(r"page: (\S+)", "viewer", *watched) as page:
+        with started(r"page: (\S+)", "ciberrato.viewer", *watched) as page:
             for number in range(1, robots + 1):
                 Wanderer(port, f"mouse {number}", number)
             yield page[1], port, int(watched[-1])
@@ -172,7 +172,7 @@ def take_all(studio: Studio, folder: Path) -> None:
             process.terminate()
     _record(folder)
     shown = ("--run", str(folder / "run.jsonl"), "--beliefs", str(folder / "localization.out"), "--http", "0")
-    with started(r"page: (\S+)", "viewer", *shown) as page:
+    with started(r"page: (\S+)", "ciberrato.viewer", *shown) as page:
         studio.take("recording", page[1], "ciberrato.store.last > 50", act=SCRUB)
     short = folder / "short.xml"
     short.write_text('<Parameters SimTime="700" MotorsNoise="1.5"/>')

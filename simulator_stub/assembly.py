@@ -11,26 +11,26 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from ciberrato.errors import UsageError
-from ciberrato.gridfile import default_grid, read_grid
-from ciberrato.lab import Lab
-from ciberrato.labfile import default_lab, read_lab_with_warnings
-from ciberrato.parameterfile import read_parameters
-from ciberrato.parameters import Parameters
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_grid, find_lab, find_parameters
-from simulator_stub.kidnapping import Kidnapper, parse_kidnapping
-from simulator_stub.log import LogFile
-from simulator_stub.pace import Lockstep, Pace, RealTime
-from simulator_stub.records import Recorder
-from simulator_stub.referencefiles import ReferenceFiles
-from simulator_stub.results import Results
-from simulator_stub.runs import Runs
+from ciberrato.files.lab import default_lab, read_lab_with_warnings
+from ciberrato.files.parameters import read_parameters
+from ciberrato.files.start_grid import default_grid, read_grid
+from ciberrato.labs import find_grid, find_lab, find_parameters
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
+from simulator_stub.recording.kidnapping import Kidnapper, parse_kidnapping
+from simulator_stub.recording.log import LogFile
+from simulator_stub.recording.observer import Recorder
+from simulator_stub.recording.reference_files import ReferenceFiles
+from simulator_stub.recording.results import Results
+from simulator_stub.recording.truth import TruthFile
 from simulator_stub.scoring import SCORINGS
-from simulator_stub.server import Server, open_transports
-from simulator_stub.session import Session
+from simulator_stub.service.pace import Lockstep, Pace, RealTime
+from simulator_stub.service.runs import Runs
+from simulator_stub.service.server import Server, open_transports
+from simulator_stub.service.session import Session
+from simulator_stub.service.transports import TRANSPORTS, Transport
 from simulator_stub.simulation import Simulation
-from simulator_stub.transports import TRANSPORTS, Transport
-from simulator_stub.truth import TruthFile
 
 _REAL = r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*"
 _INLINE_GRID = re.compile(rf"{_REAL},{_REAL},{_REAL}(?:;{_REAL},{_REAL},{_REAL})*;?")

@@ -6,8 +6,8 @@ from agent.drives.active import ActiveDrive
 from agent.drives.base import Decision, Drive
 from agent.drives.explore import ExploreDrive
 from agent.drives.goto import GotoDrive
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
 
 __all__ = ["ActiveDrive", "Decision", "Drive", "ExploreDrive", "GotoDrive", "make_drive"]
 

@@ -2,7 +2,7 @@
 
 While nearly everything is possible, any open way tells much, and the next leg is that of `explore`. As soon
 as a handful of hypotheses carries the belief, the way that tells them apart best for its time is planned over
-relative poses (`agent.drives.hypotheses`), and planned again whenever the belief has changed much.
+relative poses (`agent.drives.disambiguation`), and planned again whenever the belief has changed much.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.base import STANDSTILL, Decision
+from agent.drives.clearance import PoseSample
+from agent.drives.disambiguation import FIRST_TURNS, plan
 from agent.drives.explore import ExploreDrive
-from agent.drives.hypotheses import FIRST_TURNS, plan
-from agent.drives.outlook import PoseSample
 from agent.drives.roam import Closed, LegPhase, Roamer
-from agent.pose_filter.estimate import PoseEstimate, modes
-from agent.pose_filter.posefilter import PoseFilter
+from ciberrato.localization.belief.estimate import PoseEstimate, modes
+from ciberrato.localization.grid_filter import PoseFilter
 from ciberrato.protocol.messages import Measures
 
 Floats = NDArray[np.float64]

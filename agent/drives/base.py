@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from agent.pose_filter.posefilter import PoseFilter
+from ciberrato.localization.grid_filter import PoseFilter
 from ciberrato.protocol.messages import Measures
 
 Command = tuple[float, float]

@@ -8,8 +8,8 @@ from collections.abc import Collection
 
 import numpy as np
 
-from agent.pose_filter.lattice import Lattice
-from ciberrato.geometry import WallMap
+from ciberrato.geometry.walls import WallMap
+from ciberrato.localization.belief.lattice import Lattice
 
 Place = tuple[float, float]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.base import Command, Decision
-from agent.drives.celldrive import CellDrive
-from agent.drives.outlook import PoseSample, free_ways
+from agent.drives.cell_to_cell import CellDrive
+from agent.drives.clearance import PoseSample, free_ways
 from agent.drives.roam import SPRINT, Closed, Roamer
-from agent.pose_filter.posefilter import PoseFilter
+from ciberrato.localization.grid_filter import PoseFilter
 from ciberrato.protocol.messages import Measures
 
 Floats = NDArray[np.float64]

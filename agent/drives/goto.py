@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from agent.drives.active import ActiveDrive
 from agent.drives.base import STANDSTILL, Command, Decision
-from agent.drives.outlook import clearance
+from agent.drives.clearance import clearance
 from agent.drives.safety import Bumper
-from agent.pose_filter.lattice import Lattice
-from agent.pose_filter.posefilter import PoseFilter
 from ciberrato.errors import UsageError
-from ciberrato.kinematics import filter_power
+from ciberrato.localization.belief.lattice import Lattice
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.physics.kinematics import filter_power
 from ciberrato.protocol.messages import Measures
 
 Floats = NDArray[np.float64]

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.base import Command, Decision
-from agent.drives.outlook import SAFE_CLEARANCE, PoseSample, arc_clearances, draw
+from agent.drives.clearance import SAFE_CLEARANCE, PoseSample, arc_clearances, draw
 from agent.drives.safety import Bumper
-from agent.pose_filter.posefilter import PoseFilter
-from ciberrato.kinematics import MAX_POWER, filter_power
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.physics.kinematics import MAX_POWER, filter_power
 from ciberrato.protocol.messages import Measures
 
 Floats = NDArray[np.float64]

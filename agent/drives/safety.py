@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ciberrato.kinematics import MAX_POWER
+from ciberrato.physics.kinematics import MAX_POWER
 
 _SLOW = 1.6  # reading ahead at which to slow down
 _HALT = 2.2  # and at which to stop

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from agent.offline.simulatorlog import Angles, is_simulator_log, replay_of
-from agent.offline.truthfile import TruePose
-from ciberrato.lab import Lab
-from ciberrato.runlog import read_run
-from ciberrato.runrecords import RecordedRun
+from agent.offline.simulator_log import Angles, is_simulator_log, replay_of
+from agent.offline.truth_file import TruePose
+from ciberrato.files.run_log import read_run
+from ciberrato.files.run_records import RecordedRun
+from ciberrato.world.lab import Lab
 
 
 class Recorded(NamedTuple):

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from agent.offline.localizer import Localization, Preset, localize
-from ciberrato.belieffile import write_beliefs
+from ciberrato.files.beliefs import write_beliefs
 
 if TYPE_CHECKING:
-    from agent.offline.ground_truth import GroundTruth
-    from ciberrato.lab import Lab
-    from ciberrato.runrecords import RecordedRun, RunHeader
+    from agent.offline.expected_readings import GroundTruth
+    from ciberrato.files.run_records import RecordedRun, RunHeader
+    from ciberrato.world.lab import Lab
 
 
 def ground_truth_of(header: RunHeader, lab: Lab) -> GroundTruth:
@@ -28,7 +28,7 @@ def ground_truth_of(header: RunHeader, lab: Lab) -> GroundTruth:
     -------
     GroundTruth
     """
-    from agent.offline.ground_truth import compute_ground_truth
+    from agent.offline.expected_readings import compute_ground_truth
 
     return compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
 

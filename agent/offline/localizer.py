@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 
 from ciberrato.bayes.filtering import update
 from ciberrato.bayes.motion.blocked_shift import BlockedShift, Openings
-from ciberrato.infrared import reading_log_likelihood
+from ciberrato.infrared.model import reading_log_likelihood
 
 if TYPE_CHECKING:
-    from agent.offline.ground_truth import GroundTruth
+    from agent.offline.expected_readings import GroundTruth
 
 Array = NDArray[np.float64]
 Preset = Literal["seed", "calibrated"]

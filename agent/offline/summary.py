@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.bayes.summaries import entropy_bits, most_likely_cells
-from ciberrato.lab import CELL_SIZE
+from ciberrato.world.lab import CELL_SIZE
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.offline.summary import peak
-from ciberrato.lab import CELL_SIZE
-from ciberrato.runrecords import RecordedRun
+from ciberrato.files.run_records import RecordedRun
+from ciberrato.world.lab import CELL_SIZE
 
 Array = NDArray[np.float64]
 

@@ -6,15 +6,15 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING
 
-from agent.control.controller import Controller
-from agent.control.tracker import STANDSTILL, Command
+from agent.drives.right.controller import Controller
+from agent.drives.right.tracker import STANDSTILL, Command
 from agent.run.live_belief import BeliefLog
+from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.protocol.messages import Actions, Measures
-from ciberrato.runrecords import Cycle, RunHeader
 
 if TYPE_CHECKING:
     from agent.drives.base import Decision, Drive
-    from agent.pose_filter.live import LiveFilter
+    from ciberrato.localization.live_filter import LiveFilter
 
 _ENTROPY_EVERY = 5  # cycles between two looks at the entropy of a belief over very many states
 _MANY = 50_000

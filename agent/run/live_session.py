@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 from agent.run.session import Session, Settings
 
 if TYPE_CHECKING:
-    from agent.control.controller import Controller
     from agent.drives.base import Drive
-    from agent.pose_filter.live import LiveFilter
-    from agent.pose_filter.worker import TableWorker
+    from agent.drives.right.controller import Controller
     from agent.run.reporter import Reporter
     from agent.run.signals import Interrupts
+    from ciberrato.files.run_log import RunWriter
+    from ciberrato.files.run_records import Cycle
+    from ciberrato.localization.live_filter import LiveFilter
+    from ciberrato.localization.tables.worker import TableWorker
     from ciberrato.net.link import Link
-    from ciberrato.runlog import RunWriter
-    from ciberrato.runrecords import Cycle
 
 _LINE_EVERY = 20  # cycles between two lines of what is known
 _BAR = 24
@@ -36,7 +36,7 @@ class LiveSettings:
     goal : (float, float) or None
         Where ``goto`` goes, in units.
     start : str
-        What is possible at the start, see `agent.pose_filter.startprior.parse_start`.
+        What is possible at the start, see `ciberrato.localization.evidence.start_prior.parse_start`.
     smooth : bool
         Whether the belief file is computed afterwards, from the whole run.
     exit_when_finished : bool
@@ -72,7 +72,7 @@ class LiveSession(Session):
     def __init__(
         self, settings: Settings, live: LiveSettings, interrupts: Interrupts, reporter: Reporter
     ) -> None:
-        from agent.pose_filter import compiled
+        from ciberrato.localization.belief import compiled
 
         compiled.choice()  # to complain at once
         super().__init__(settings, interrupts, reporter)
@@ -101,11 +101,11 @@ class LiveSession(Session):
         import gc
 
         import agent.drives
-        import agent.offline.ground_truth
-        import agent.pose_filter.live
+        import agent.offline.expected_readings
         import agent.run.live_controller  # noqa: F401
-        import ciberrato.runlog  # noqa: F401
-        from agent.pose_filter import compiled
+        import ciberrato.files.run_log
+        import ciberrato.localization.live_filter  # noqa: F401
+        from ciberrato.localization.belief import compiled
 
         if compiled.at_hand():
             assert self._tables is not None
@@ -129,13 +129,13 @@ class LiveSession(Session):
 
     def _start_worker(self) -> None:
         # The published method's tables are wanted at the end, if at all; until then they are not worked out.
-        from agent.offline.ground_truth import GroundTruthWorker
+        from agent.offline.expected_readings import GroundTruthWorker
 
         settings = self._settings
         self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
 
     def _start_tables(self) -> None:
-        from agent.pose_filter.worker import TableWorker
+        from ciberrato.localization.tables.worker import TableWorker
 
         settings = self._settings
         self._tables = TableWorker(
@@ -144,9 +144,9 @@ class LiveSession(Session):
         self._tables.start()
 
     def _make_controller(self) -> Controller:
-        from agent.pose_filter.evidence import sensors_used
-        from agent.pose_filter.live import LiveFilter
         from agent.run.live_controller import LiveController
+        from ciberrato.localization.evidence.other_sensors import sensors_used
+        from ciberrato.localization.live_filter import LiveFilter
 
         assert self._header is not None
         assert self._tables is not None
@@ -240,8 +240,8 @@ class LiveSession(Session):
         return super()._finish(link, reason)
 
     def _write_beliefs(self, reason: str) -> int:
-        from agent.pose_filter.trace import cell_beliefs
-        from ciberrato.belieffile import write_beliefs
+        from ciberrato.files.beliefs import write_beliefs
+        from ciberrato.localization.cell_beliefs import cell_beliefs
 
         assert self._live is not None
         assert self._tables is not None

@@ -8,20 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from agent.control.phases import Phase
+from agent.drives.right.phases import Phase
 from agent.run.registration import Answer, register
 from ciberrato.errors import ProtocolError, UsageError
 from ciberrato.net.link import Arrival, Link, LinkError
 from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
 
 if TYPE_CHECKING:
-    from agent.control.controller import Controller
-    from agent.offline.ground_truth import GroundTruthWorker
+    from agent.drives.right.controller import Controller
+    from agent.offline.expected_readings import GroundTruthWorker
     from agent.run.reporter import Reporter
     from agent.run.signals import Interrupts
-    from ciberrato.lab import Lab
-    from ciberrato.runlog import RunWriter
-    from ciberrato.runrecords import Cycle, DistanceModel, Preset, RunHeader
+    from ciberrato.files.run_log import RunWriter
+    from ciberrato.files.run_records import Cycle, DistanceModel, Preset, RunHeader
+    from ciberrato.world.lab import Lab
 
 _SILENT_CYCLES = 3  # a simulator is not silent before it has missed so many cycles
 
@@ -145,7 +145,7 @@ class Session:
 
     def _start_worker(self) -> None:
         # Not before the registration is on its way: its imports take most of the start.
-        from agent.offline.ground_truth import GroundTruthWorker
+        from agent.offline.expected_readings import GroundTruthWorker
 
         settings = self._settings
         self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
@@ -155,8 +155,8 @@ class Session:
         """Answer Measures until something ends the run; return what."""
         import hashlib
 
-        from ciberrato.runlog import RunWriter
-        from ciberrato.runrecords import RunHeader
+        from ciberrato.files.run_log import RunWriter
+        from ciberrato.files.run_records import RunHeader
 
         settings, parameters = self._settings, answer.acceptance.parameters
         assert self._worker is not None
@@ -192,7 +192,7 @@ class Session:
         return reason
 
     def _make_controller(self) -> Controller:
-        from agent.control.controller import Controller
+        from agent.drives.right.controller import Controller
 
         assert self._header is not None
         return Controller(self._header, exit_at_wall=self._settings.exit_at_wall)
@@ -270,7 +270,7 @@ class Session:
 
     def _finish(self, link: Link, reason: str) -> int:
         """Stop the robot, run the filter, write the file."""
-        from ciberrato.runrecords import RecordedRun
+        from ciberrato.files.run_records import RecordedRun
 
         interrupts, settings = self._interrupts, self._settings
         if self._header is None or not any(cycle.step is not None for cycle in self._cycles):

@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from agent.offline.simulatorlog import Angles, replay_of
-from agent.offline.truthfile import TruePose
+from agent.offline.simulator_log import Angles, replay_of
+from agent.offline.truth_file import TruePose
 from ciberrato.errors import LabError
-from ciberrato.runlog import parse_cycle, parse_header
-from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
+from ciberrato.files.run_log import parse_cycle, parse_header
+from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
 
 _READING_SHARE = 4.0
 """A log that is read anew is left alone for so many times as long as that took."""

@@ -13,14 +13,14 @@ from agent.offline.localization import ground_truth_of, localize_run
 from agent.offline.summary import peak
 from agent.offline.track import estimated_track
 from agent.views.logfollower import follow
-from ciberrato.lab import CELL_SIZE
+from ciberrato.files.run_records import Cycle, RecordedRun
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import GridBelief, OverlayMessage, PoseMark, Shape
-from ciberrato.runrecords import Cycle, RecordedRun
+from ciberrato.world.lab import CELL_SIZE
 
 if TYPE_CHECKING:
-    from agent.offline.ground_truth import GroundTruth
-    from ciberrato.lab import Lab
+    from agent.offline.expected_readings import GroundTruth
+    from ciberrato.world.lab import Lab
 
 Array = NDArray[np.float64]
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, TextIO
 from agent.offline.localization import ground_truth_of, localize_run
 from agent.offline.summary import heat_map, step_table
 from agent.views.logfollower import Follower, LogFollower, SimulatorLogFollower, follow
+from ciberrato.files.run_records import RecordedRun
 from ciberrato.plaintext import plain
-from ciberrato.runrecords import RecordedRun
 
 if TYPE_CHECKING:
-    from agent.offline.ground_truth import GroundTruth
-    from agent.offline.truthfile import TruePose
-    from ciberrato.lab import Lab
+    from agent.offline.expected_readings import GroundTruth
+    from agent.offline.truth_file import TruePose
+    from ciberrato.world.lab import Lab
 
 INTERVAL = 0.2
 """Seconds between looks at the log."""

@@ -14,6 +14,7 @@ from benchmarks.conformance import Row
 
 CHECKS = ("labs", "infrared", "motion", "codec", "transcripts", "logs", "noise", "scoring", "seed_runs")
 """Modules of this package, in the order of the table."""
+OWN = Path(__file__).parents[2] / "tests" / "data" / "golden"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,31 +28,55 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0 if every row passed, 1 if not, 2 if a folder is missing.
+        Exit status: 0 if every row passed, 1 if not, 2 if a folder that was named is missing.
     """
     parser = argparse.ArgumentParser(prog="python -m benchmarks.conformance", description=__doc__)
-    parser.add_argument("--golden", type=Path, required=True, help="folder of recordings: ir/, physics/, ...")
-    parser.add_argument("--labs", type=Path, help="folder of the labs that the recordings name")
+    parser.add_argument(
+        "--golden",
+        type=Path,
+        metavar="DIR",
+        help="folder of recordings: ir/, physics/, ...; default: $CIBERRATO_GOLDEN, or those of the tests",
+    )
+    parser.add_argument(
+        "--labs",
+        type=Path,
+        metavar="DIR",
+        help="folder of the labs that recordings name; default: $CIBERRATO_LABS, or only the labs that ship",
+    )
     parser.add_argument(
         "--only", action="append", choices=CHECKS, help="run this check alone (may be repeated)"
     )
     arguments = parser.parse_args(argv)
-    if not arguments.golden.is_dir():
-        print(f"{arguments.golden}: no such folder; give the folder of recordings", file=sys.stderr)
-        return 2
-    labs = arguments.labs
-    if labs is not None and not labs.is_dir():
-        print(f"{labs}: no such folder; labs that it should hold are skipped", file=sys.stderr)
-        labs = None
+    golden = arguments.golden or _folder("CIBERRATO_GOLDEN")
+    labs = arguments.labs or _folder("CIBERRATO_LABS")
+    for folder in (golden, labs):
+        if folder is not None and not folder.is_dir():
+            print(f"{folder}: no such folder; name one that is there", file=sys.stderr)
+            return 2
+    if golden is None:
+        print(
+            "the recordings that come with the tests; for others: --golden DIR or CIBERRATO_GOLDEN",
+            file=sys.stderr,
+        )
+    if labs is None:
+        print(
+            "the labs that ship; for others that recordings name: --labs DIR or CIBERRATO_LABS",
+            file=sys.stderr,
+        )
     began = time.perf_counter()
     table: list[Row] = []
-    for row in all_rows(arguments.golden, labs, arguments.only or CHECKS):
+    for row in all_rows(golden or OWN, labs, arguments.only or CHECKS):
         table.append(row)
         print(_line(row), flush=True)
     failed = sum(not row.passed for row in table)
     cases = sum(row.cases for row in table)
     print(f"{len(table)} rows, {cases:,} cases, {failed} failed, {time.perf_counter() - began:.1f} s")
     return 1 if failed else 0
+
+
+def _folder(variable: str) -> Path | None:
+    name = os.environ.get(variable)
+    return Path(name) if name else None
 
 
 def all_rows(golden: Path, labs: Path | None, checks: Sequence[str] = CHECKS) -> Iterator[Row]:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import maps
-from ciberrato.lab import Lab
-from ciberrato.labfile import default_lab, parse_lab_with_warnings
+from ciberrato import labs as maps
+from ciberrato.files.lab import default_lab, parse_lab_with_warnings
+from ciberrato.world.lab import Lab
 
 DEFAULT_LAB = "(default)"
 """How golden files name the built-in lab."""

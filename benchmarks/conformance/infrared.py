@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from benchmarks.conformance import Row
 from benchmarks.conformance.files import numbers, read_named_lab
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import (
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import (
     distances_at,
     ideal_reading,
     other_robot_distance,
     round_reading,
     sensor_distances,
 )
-from ciberrato.labfile import read_lab
 
 TOLERANCE = 1e-9
 _COLUMNS = ("x", "y", "dir_deg", "sensor_angle_deg", "distance", "wall_distance")

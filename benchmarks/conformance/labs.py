@@ -11,13 +11,13 @@ from typing import Any
 from benchmarks.conformance import Row
 from benchmarks.conformance.files import DEFAULT_LAB, find_lab_file, read_named_lab, records
 from ciberrato.errors import LabError, ProtocolError
-from ciberrato.gridfile import default_grid, parse_grid
-from ciberrato.lab import Lab
-from ciberrato.labfile import parse_lab_with_warnings
-from ciberrato.parameterfile import parse_parameters
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import parse_lab_with_warnings
+from ciberrato.files.parameters import parse_parameters
+from ciberrato.files.start_grid import default_grid, parse_grid
 from ciberrato.protocol import encode_parameters
-from ciberrato.startgrid import StartGrid
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
 
 NOT_COPIED = {
     "dup_attr": "an attribute twice is not XML; the real parser takes the first",

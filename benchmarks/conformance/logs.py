@@ -15,13 +15,13 @@ from pathlib import Path
 
 from benchmarks.conformance.row import Row
 from benchmarks.conformance.transcripts import GPS_OFFSET
-from ciberrato.gridfile import read_grid
-from ciberrato.labfile import read_lab
-from ciberrato.parameterfile import read_parameters
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.files.parameters import read_parameters
+from ciberrato.files.simulator_log import LoggedRobot, SimulatorLog, read_simulator_log
+from ciberrato.files.start_grid import read_grid
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.simlog import LoggedRobot, SimulatorLog, read_simulator_log
-from simulator_stub.log import log_header, log_record
+from ciberrato.world.parameters import Parameters
+from simulator_stub.recording.log import log_header, log_record
 from simulator_stub.simulation import Simulation
 
 STOPPED_CYCLES = 20

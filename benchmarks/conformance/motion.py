@@ -10,10 +10,10 @@ from pathlib import Path
 
 from benchmarks.conformance import Row
 from benchmarks.conformance.files import read_named_lab, table
-from ciberrato.collisions import Pose, resolve_collisions, settle
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import distances_at, ideal_reading, other_robot_distance, round_reading
-from ciberrato.kinematics import advance, clamp_power, filter_power
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import distances_at, ideal_reading, other_robot_distance, round_reading
+from ciberrato.physics.collisions import Pose, resolve_collisions, settle
+from ciberrato.physics.kinematics import advance, clamp_power, filter_power
 from ciberrato.protocol import DEFAULT_SENSOR_ANGLES
 
 TOLERANCE = 1e-9

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 from benchmarks.conformance.files import read_named_lab
 from benchmarks.conformance.row import Row
 from benchmarks.conformance.transcripts import GPS_OFFSET
-from ciberrato.lab import Lab
-from ciberrato.parameterfile import parse_parameters
+from ciberrato.files.parameters import parse_parameters
 from ciberrato.protocol import Actions, Measures, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Lab
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 LEVEL = 1e-4

@@ -12,11 +12,11 @@ from typing import Any
 
 from benchmarks.conformance.files import find_lab_file, table
 from benchmarks.conformance.row import Row
-from ciberrato.gridfile import read_grid
-from ciberrato.labfile import parse_lab_with_warnings
-from ciberrato.parameterfile import read_parameters
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import parse_lab_with_warnings
+from ciberrato.files.parameters import read_parameters
+from ciberrato.files.start_grid import read_grid
 from ciberrato.protocol import Actions, Measures, RobotRegistration, RobotStatus
+from ciberrato.world.parameters import Parameters
 from simulator_stub.scoring import SCORINGS
 from simulator_stub.scoring.circuits import CircuitScoring
 from simulator_stub.simulation import Simulation

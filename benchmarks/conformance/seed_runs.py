@@ -16,14 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.control.tracker import CellTracker, Crossing
-from agent.offline.ground_truth import compute_ground_truth
+from agent.drives.right.tracker import CellTracker, Crossing
+from agent.offline.expected_readings import compute_ground_truth
 from agent.offline.localizer import Localization, localize
 from agent.offline.summary import peak
 from benchmarks.conformance.row import Row
-from ciberrato.belieffile import read_beliefs
-from ciberrato.lab import CELL_SIZE
-from ciberrato.labfile import default_lab
+from ciberrato.files.beliefs import read_beliefs
+from ciberrato.files.lab import default_lab
 from ciberrato.protocol import (
     Acceptance,
     Actions,
@@ -33,6 +32,7 @@ from ciberrato.protocol import (
     decode_registration,
     decode_simulator_message,
 )
+from ciberrato.world.lab import CELL_SIZE
 
 TOLERANCE = 0.001
 """The file has three decimals."""

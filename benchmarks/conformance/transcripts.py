@@ -1,8 +1,9 @@
 """Recorded sessions of the real simulator, replayed: the same datagrams in the same cycles, the same answers.
 
-What clients sent goes into a `simulator_stub.session.Session`, cycle by cycle; its answers are compared byte
-by byte with those recorded. Left out of the comparison are readings that carry noise (their values only), and
-what our simulator does differently on purpose; every such answer is counted under its reason.
+What clients sent goes into a `simulator_stub.service.session.Session`, cycle by cycle; its answers are
+compared byte by byte with those recorded. Left out of the comparison are readings that carry noise (their
+values only), and what our simulator does differently on purpose; every such answer is counted under its
+reason.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from pathlib import Path
 from benchmarks.conformance.row import Row
 from benchmarks.conformance.timeline import Timeline, read_timeline
 from ciberrato.errors import CiberratoError
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Refusal, Registration, RobotRegistration, decode_registration, encode
+from ciberrato.world.parameters import Parameters
 from simulator_stub.assembly import read_world
 from simulator_stub.options import parse_arguments
-from simulator_stub.session import NAME_LIMIT, Session
+from simulator_stub.service.session import NAME_LIMIT, Session
+from simulator_stub.service.transports import Newcomer, Peer
 from simulator_stub.simulation import Simulation
-from simulator_stub.transports import Newcomer, Peer
 
 GPS_OFFSET = (840.1877167634666, 394.38292663544416)
 """What the real simulator adds until its first Reset, always."""

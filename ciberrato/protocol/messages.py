@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
-from ciberrato.startgrid import StartGrid
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
 
 DEFAULT_SENSOR_ANGLES = (0.0, 60.0, -60.0, 180.0)
 """Mounting angles in degrees of the IR sensors 0 to 3 unless a registration says otherwise."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ciberrato.parameternames import FILE_NAMES, INTEGERS, REALS, SWITCHES
-from ciberrato.parameters import Parameters
 from ciberrato.protocol.text import attribute, general, strict_integer, strict_real
+from ciberrato.world.parameter_names import FILE_NAMES, INTEGERS, REALS, SWITCHES
+from ciberrato.world.parameters import Parameters
 
 _LAYOUT = """\
 <Parameters SimTime="%d" CycleTime="%d"

@@ -7,15 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET
-from ciberrato.labtables import touching
-from ciberrato.manycones import many_cone_distances
+from ciberrato.infrared.cone_arrays import many_cone_distances
+from ciberrato.infrared.face_tables import touching
+from ciberrato.infrared.model import CONTACT, SATURATION, SENSOR_OFFSET
 from simulator_stub.batch.motion import cosines_and_sines, wrap
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.state import BatchState
-from simulator_stub.floor import inside_any
 from simulator_stub.sensors.ground import NOWHERE
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
+from simulator_stub.world.floor import inside_any
 
 Floats = NDArray[np.float64]
 

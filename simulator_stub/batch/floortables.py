@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator_stub.floor import Floor
+from simulator_stub.world.floor import Floor
 
 Integers = NDArray[np.int64]
 

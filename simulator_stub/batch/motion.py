@@ -30,6 +30,6 @@ def cosines_and_sines(angles: Floats) -> tuple[Floats, Floats]:
 
 
 def wrap(angles: Floats) -> Floats:
-    """Take at most one turn off angles: `ciberrato.angles.wrap_once`."""
+    """Take at most one turn off angles: `ciberrato.geometry.angles.wrap_once`."""
     turn = 2 * math.pi
     return np.where(angles > math.pi, angles - turn, np.where(angles < -math.pi, angles + turn, angles))

@@ -1,4 +1,4 @@
-"""Random numbers for many worlds: the streams of `simulator_stub.noise`, drawn in blocks for all at once.
+"""Random numbers for many worlds: the streams of `simulator_stub.world.noise`, drawn in blocks.
 
 Blocks form a chain: each is followed by the next one that was drawn. Whoever holds a block, a snapshot for
 one, finds the numbers that follow it there, and only who comes to the end of the chain draws. So copies of
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator_stub.noise import NoiseRoot
+from simulator_stub.world.noise import NoiseRoot
 
 Floats = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 
 class Scoring:

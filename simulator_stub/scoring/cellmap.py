@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ciberrato.geometry import WallMap
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.world.lab import CELL_SIZE, Lab
 from simulator_stub.scoring.cells import STEPS, Cell, cell_of, is_open
 from simulator_stub.scoring.textmap import START, TextMap
 from simulator_stub.scoring.tours import Links, planning_text

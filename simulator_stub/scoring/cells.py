@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ciberrato.geometry import WallMap
-from ciberrato.lab import CELL_SIZE
+from ciberrato.geometry.walls import WallMap
+from ciberrato.world.lab import CELL_SIZE
 
 Cell = tuple[int, int]
 """Column and row, from 0 at the left and at the bottom."""

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from simulator_stub.scoring.base import Scoring
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 NODE_REWARD = 10
 AWAY_PENALTY = 10

@@ -8,7 +8,7 @@ from simulator_stub.scoring.cells import cell_of, is_open
 from simulator_stub.scoring.circuits import Circuit, CircuitScoring, Node, Progress, trace
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 TURNS = (0, -90, 90)
 

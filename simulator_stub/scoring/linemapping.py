@@ -9,7 +9,7 @@ from simulator_stub.scoring.mapping import MAPPING_FILE
 from simulator_stub.scoring.offline import OffLineScoring
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 
 class LineMapping(OffLineScoring):

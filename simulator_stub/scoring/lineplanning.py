@@ -9,7 +9,7 @@ from simulator_stub.scoring.offline import OffLineScoring
 from simulator_stub.scoring.planning import PLANNING_FILE
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 
 class LinePlanning(OffLineScoring):

@@ -8,7 +8,7 @@ from simulator_stub.scoring.cellmap import CellMap
 from simulator_stub.scoring.targets import TargetScoring
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 PLANNING_FILE = "planning.out"
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciberrato.discpath import PathsFrom, disc_paths
-from ciberrato.kinematics import ROBOT_RADIUS
-from simulator_stub.robot_state import RobotState
+from ciberrato.geometry.shortest_paths import PathsFrom, disc_paths
+from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.scoring.base import Scoring
+from simulator_stub.world.robot_state import RobotState
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 TARGET_REWARD = 100
 """For each target, and for signalling the return. The parameters of that name are not looked at."""

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from agent.control.controller import Controller
-from agent.control.phases import TRANSITIONS, Event, Phase
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from agent.drives.right.controller import Controller
+from agent.drives.right.phases import TRANSITIONS, Event, Phase
+from ciberrato.files.run_records import RunHeader
 from ciberrato.protocol import Actions, Measures
-from ciberrato.runrecords import RunHeader
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
 
 HeaderFor = Callable[..., RunHeader]
 PARAMETERS = Parameters(motors_noise=0.0)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from ciberrato.belieffile import read_beliefs
-from ciberrato.runlog import read_run
+from ciberrato.files.beliefs import read_beliefs
+from ciberrato.files.run_log import read_run
 
 REPOSITORY = Path(__file__).parents[2]
 

@@ -6,36 +6,36 @@ import io
 import math
 import threading
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import agent.offline.ground_truth
-from agent.offline.ground_truth import GroundTruthWorker, compute_ground_truth, pose_error, pose_error_nodes
+import agent.offline.expected_readings
+from agent.offline.expected_readings import (
+    GroundTruthWorker,
+    compute_ground_truth,
+    pose_error,
+    pose_error_nodes,
+)
 from ciberrato.errors import LabError
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, nearest_in_cone, sensor_distances
-from ciberrato.lab import Lab
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
-from maps import find_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, nearest_in_cone, sensor_distances
+from ciberrato.labs import find_lab
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from tests.recordings import OWN
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)
-REPOSITORY = Path(__file__).parents[2]
 
 
 def recorded_readings(lab_name: str) -> dict[tuple[float, float, float], float]:
-    for folder in (REPOSITORY / "tests/data/golden", REPOSITORY.parent / "shared/golden"):
-        path = folder / "ir/own_cell_centres.csv.gz"
-        if path.is_file():
-            rows = csv.DictReader(io.StringIO(gzip.decompress(path.read_bytes()).decode()))
-            return {
-                (float(row["x"]), float(row["y"]), float(row["sensor_angle_deg"])): float(row["distance"])
-                for row in rows
-                if row["lab"].endswith(lab_name) and float(row["dir_deg"]) == 0.0
-            }
-    pytest.skip("the recorded distances are not there")
+    data = gzip.decompress((OWN / "ir/own_cell_centres.csv.gz").read_bytes())
+    return {
+        (float(row["x"]), float(row["y"]), float(row["sensor_angle_deg"])): float(row["distance"])
+        for row in csv.DictReader(io.StringIO(data.decode()))
+        if row["lab"].endswith(lab_name) and float(row["dir_deg"]) == 0.0
+    }
 
 
 @pytest.mark.parametrize("name", ["standard", "corridors", "maze"])
@@ -128,13 +128,13 @@ def test_nobody_waits_for_the_worker_but_who_asks_for_the_result(
     standard: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     go_on = threading.Event()
-    compute = agent.offline.ground_truth.compute_ground_truth
+    compute = agent.offline.expected_readings.compute_ground_truth
 
     def slow(*arguments: object, **options: object) -> object:
         go_on.wait()
         return compute(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(agent.offline.ground_truth, "compute_ground_truth", slow)
+    monkeypatch.setattr(agent.offline.expected_readings, "compute_ground_truth", slow)
     worker = GroundTruthWorker(standard, ANGLES)
     worker.start()
     worker.announce(Parameters())
@@ -157,7 +157,7 @@ def test_what_stops_the_worker_is_told(
     def fail(*arguments: object, **options: object) -> None:
         raise problem
 
-    monkeypatch.setattr(agent.offline.ground_truth, "compute_ground_truth", fail)
+    monkeypatch.setattr(agent.offline.expected_readings, "compute_ground_truth", fail)
     worker = GroundTruthWorker(standard, ANGLES)
     worker.start()
     with pytest.raises((LabError, ZeroDivisionError), match=complaint):
@@ -167,7 +167,9 @@ def test_what_stops_the_worker_is_told(
 
 def test_an_abandoned_worker_ends_without_working(standard: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     called = []
-    monkeypatch.setattr(agent.offline.ground_truth, "compute_ground_truth", lambda *a, **k: called.append(1))
+    monkeypatch.setattr(
+        agent.offline.expected_readings, "compute_ground_truth", lambda *a, **k: called.append(1)
+    )
     worker = GroundTruthWorker(standard, ANGLES)
     worker.start()
     worker.abandon()

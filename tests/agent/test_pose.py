@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from agent.control.pose import Explanation, Pose, PoseFilter
-from ciberrato.kinematics import advance, clamp_power, filter_power
+from agent.drives.right.row_ekf import Explanation, Pose, PoseFilter
+from ciberrato.physics.kinematics import advance, clamp_power, filter_power
 
 COMMANDS = [(0.1, 0.1)] * 5 + [(0.05, 0.2), (-0.1, 0.1), (0.0, 0.0), (0.15, 0.13)] * 4
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from ciberrato.belieffile import read_beliefs
-from ciberrato.parameters import Parameters
-from ciberrato.runlog import read_run
+from ciberrato.files.beliefs import read_beliefs
+from ciberrato.files.run_log import read_run
+from ciberrato.world.parameters import Parameters
 
 pytestmark = pytest.mark.slow
 
@@ -142,8 +142,8 @@ def test_while_no_simulator_answers(agent: Callable[..., Agent], count: int) -> 
         "call:agent.run.session:_open_link",
         "call:agent.run.registration:_attempt",
         "call:agent.run.registration:_find_answer",
-        "import:agent.control.controller",
-        "call:ciberrato.runlog:RunWriter.__init__",
+        "import:agent.drives.right.controller",
+        "call:ciberrato.files.run_log:RunWriter.__init__",
     ],
 )
 def test_before_the_first_reading_nothing_is_written(
@@ -187,7 +187,7 @@ def test_in_the_middle_of_the_run(
 
 def test_before_the_worker_is_done(agent: Callable[..., Agent], fake_simulator: Any) -> None:
     simulator = fake_simulator(PARAMETERS, hold_at=60)
-    process = agent(simulator.port, "call:agent.offline.ground_truth:compute_ground_truth")
+    process = agent(simulator.port, "call:agent.offline.expected_readings:compute_ground_truth")
     process.wait_paused()
     assert simulator.held.wait(PATIENCE)  # the control loop has not waited for the worker
     process.wait_logged(60)
@@ -206,7 +206,7 @@ FINISHING = [
     "call:agent.run.session:Session._stop",
     "import:agent.offline.localization",
     "call:agent.offline.localizer:localize",
-    "call:ciberrato.atomic:replace_file",
+    "call:ciberrato.files.atomic:replace_file",
     "call:os:fsync",
     "call:os:replace",
     "call:agent.offline.localization:print_localization",

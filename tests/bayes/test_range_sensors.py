@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -306,6 +307,7 @@ def test_ordered_ranges_match_nearest_with_nearest_and_count_what_is_left():
         lambda: SegmentMap(np.zeros((0, 4))),
         lambda: OccupancyGrid(occupied=np.zeros(3), cell=1.0),
     ],
+    ids=itertools.count(),
 )
 def test_impossible_parameters_are_refused(make):
     with pytest.raises(ValueError):  # noqa: PT011  each has its own words

@@ -8,12 +8,21 @@ import math
 import numpy as np
 import pytest
 
-from agent.drives import cells
-from agent.drives.cells import LEAST_ROOM, STEPS, Beginning, Cell, CellGraph, centre, find_stands, join_cells
+from agent.drives import cell_graph as cells
+from agent.drives.cell_graph import (
+    LEAST_ROOM,
+    STEPS,
+    Beginning,
+    Cell,
+    CellGraph,
+    centre,
+    find_stands,
+    join_cells,
+)
 from agent.drives.detour import clear_way, shortest_detour
-from agent.pose_filter.lattice import Lattice, build_lattice
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab, Wall
+from ciberrato.geometry.walls import WallMap
+from ciberrato.localization.belief.lattice import Lattice, build_lattice
+from ciberrato.world.lab import Lab, Wall
 
 NEVER = -math.inf
 

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 from agent.drives import Decision, ExploreDrive, make_drive
-from agent.drives.celldrive import CellDrive
+from agent.drives.cell_to_cell import CellDrive
 from agent.drives.roam import Roamer
-from agent.pose_filter.live import LiveFilter
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.staged import StagedFilter
-from agent.pose_filter.tables import PoseTables, build_tables
-from agent.pose_filter.trace import cell_beliefs
 from agent.run.live_controller import LiveController
-from ciberrato.lab import Lab, Wall
-from ciberrato.parameters import Parameters
+from ciberrato.files.run_log import Cycle, RunHeader
+from ciberrato.localization.cell_beliefs import cell_beliefs
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.live_filter import LiveFilter
+from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
 from ciberrato.protocol import Actions, Measures, RobotRegistration
-from ciberrato.runlog import Cycle, RunHeader
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Lab, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)

@@ -8,11 +8,11 @@ import math
 import numpy as np
 import pytest
 
-from agent.drives import hypotheses as planner
-from agent.drives.outlook import clearance
-from agent.pose_filter.estimate import PoseEstimate
-from agent.pose_filter.tables import PoseTables, build_tables
-from ciberrato.lab import Lab, Wall
+from agent.drives import disambiguation as planner
+from agent.drives.clearance import clearance
+from ciberrato.localization.belief.estimate import PoseEstimate
+from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
+from ciberrato.world.lab import Lab, Wall
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 NOTHING = np.zeros(8, np.bool_)

@@ -11,12 +11,12 @@ import pytest
 from agent.drives import make_drive
 from agent.drives.roam import Barred
 from agent.drives.safety import Bumper
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.tables import PoseTables, build_tables
-from ciberrato.lab import Lab, Wall
-from ciberrato.parameters import Parameters
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
 from ciberrato.protocol import Actions, Measures, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Lab, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)

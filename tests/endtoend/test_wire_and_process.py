@@ -10,14 +10,14 @@ import threading
 import numpy as np
 import pytest
 
-from agent.offline.ground_truth import compute_ground_truth
+from agent.offline.expected_readings import compute_ground_truth
 from agent.offline.localizer import localize
 from benchmarks.accuracy import ANGLES, drive, random_start
-from ciberrato.belieffile import read_beliefs
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
-from ciberrato.runlog import read_run
-from maps import find_lab
+from ciberrato.files.beliefs import read_beliefs
+from ciberrato.files.lab import read_lab
+from ciberrato.files.run_log import read_run
+from ciberrato.labs import find_lab
+from ciberrato.world.parameters import Parameters
 
 
 @contextlib.contextmanager

@@ -7,15 +7,16 @@ import math
 
 import pytest
 
-from ciberrato.labfile import read_lab
-from evaluation.cli import main
-from evaluation.comparison import compare
-from evaluation.episode import run_task
-from evaluation.labs import judged_labs, public_labs, tuning_labs
-from evaluation.published import Compared, Order, Step
-from evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
-from evaluation.runner import Result, read_evaluation, run_tasks
-from evaluation.task import Outcome, Task
+from ciberrato.evaluation.attempt import Result
+from ciberrato.evaluation.cli import main
+from ciberrato.evaluation.comparison import compare
+from ciberrato.evaluation.episode import run_task
+from ciberrato.evaluation.labs import judged_labs, public_labs, tuning_labs
+from ciberrato.evaluation.published import Compared, Order, Step
+from ciberrato.evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
+from ciberrato.evaluation.runner import read_evaluation, run_tasks
+from ciberrato.evaluation.task import Outcome, Task
+from ciberrato.files.lab import read_lab
 
 SMALL = """<Lab Name="small" Height="6" Width="8">
   <Wall Height="4">
@@ -146,7 +147,7 @@ def test_what_a_task_raises_is_told_with_its_place(lab_file, tmp_path, monkeypat
     def broken(task):
         return 1 / 0
 
-    monkeypatch.setattr("evaluation.episode.run_task", broken)
+    monkeypatch.setattr("ciberrato.evaluation.episode.run_task", broken)
     result = run_tasks([Task(lab=str(lab_file))], tmp_path / "x.jsonl", jobs=1, progress=None)
     assert result.failures[0].error.startswith("ZeroDivisionError: division by zero (test_evaluation.py:")
 
@@ -156,7 +157,7 @@ def test_a_robot_that_stands_for_good_is_counted_to_the_end(monkeypatch):
     short = run_task(task)
     assert short.rested is not None
     assert short.rested < 200
-    monkeypatch.setattr("evaluation.episode._AT_REST", 1000)
+    monkeypatch.setattr("ciberrato.evaluation.episode._AT_REST", 1000)
     whole = run_task(task)
     assert whole.rested is None
     expected, found = timeless(whole), timeless(short)

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 
 from agent.cli import main
-from agent.offline.ground_truth import compute_ground_truth
+from agent.offline.expected_readings import compute_ground_truth
 from agent.offline.localizer import localize
 from agent.views.logfollower import LogFollower
 from agent.views.watching import screen, watch
 from benchmarks.accuracy import ANGLES, drive
-from ciberrato.belieffile import write_beliefs
 from ciberrato.errors import LabError
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
-from ciberrato.runlog import RunWriter
-from ciberrato.runrecords import Cycle, RunHeader
-from ciberrato.startgrid import GridPosition
-from maps import find_lab
+from ciberrato.files.beliefs import write_beliefs
+from ciberrato.files.lab import read_lab
+from ciberrato.files.run_log import RunWriter
+from ciberrato.files.run_records import Cycle, RunHeader
+from ciberrato.labs import find_lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition
 
 
 @pytest.fixture(scope="module")
@@ -187,8 +187,8 @@ def test_watch_ends_when_nothing_comes(tmp_path):
 
 def test_the_track_ends_in_the_most_likely_cell(run):
     from agent.offline.track import estimated_track
-    from ciberrato.belieffile import read_beliefs
-    from ciberrato.runlog import read_run
+    from ciberrato.files.beliefs import read_beliefs
+    from ciberrato.files.run_log import read_run
 
     beliefs = read_beliefs(run / "localization.out")[-1].beliefs
     track = estimated_track(read_run(run / "run.jsonl"), beliefs)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from agent.offline.ground_truth import GroundTruth
+from agent.offline.expected_readings import GroundTruth
 from agent.offline.localizer import localize
 from benchmarks.enumeration import enumerate_starts, rounded_probability
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-import maps
+from ciberrato import labs as maps
 from ciberrato.errors import UsageError
-from maps import find_grid, find_lab, find_parameters, names
+from ciberrato.labs import find_grid, find_lab, find_parameters, names
 
 FOLDER = Path(maps.__file__).parent
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from agent.drives import make_drive
-from agent.pose_filter.beacons import BeaconSense, beacon_table, visible
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.staged import StagedFilter
-from ciberrato.lab import Beacon
-from ciberrato.parameters import Parameters
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.evidence.beacons import BeaconSense, beacon_table, visible
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.staged_filter import StagedFilter
 from ciberrato.protocol import Actions, BeaconReading, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Beacon
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)

@@ -6,15 +6,15 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.challenge import Duel
-from agent.pose_filter.estimate import estimate
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.records import FilterStep
-from agent.pose_filter.symmetry import PoseScore
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, round_reading, sensor_distances
-from ciberrato.parameters import Parameters
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, round_reading, sensor_distances
+from ciberrato.localization.belief.estimate import estimate
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.challenge import Duel
+from ciberrato.localization.evidence.symmetry import PoseScore
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.records import FilterStep
+from ciberrato.world.parameters import Parameters
 
 RADIANS = tuple(math.radians(angle) for angle in (0.0, 60.0, -60.0, 180.0))
 PARAMETERS = Parameters(compass_sensor=False)

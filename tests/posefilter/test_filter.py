@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from agent.drives import make_drive
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.staged import StagedFilter
-from agent.pose_filter.trace import cell_beliefs
-from ciberrato.parameters import Parameters
+from ciberrato.localization.cell_beliefs import cell_beliefs
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.staged_filter import StagedFilter
 from ciberrato.protocol import Actions, Measures, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
@@ -119,7 +119,7 @@ def test_starts_at_centres_are_centres_with_four_headings(small_lab, coarse_tabl
 
 
 def test_the_ground_sensor_tells_targets_apart(small_lab, coarse_tables):
-    from ciberrato.lab import Target
+    from ciberrato.world.lab import Target
 
     lab = dataclasses.replace(small_lab, targets=(Target(x=1.0, y=1.0, radius=1.5),))
     pose_filter = PoseFilter(lab, coarse_tables, DEFAULT)
@@ -134,9 +134,9 @@ def test_the_ground_sensor_tells_targets_apart(small_lab, coarse_tables):
 
 
 def test_equal_places_keep_equal_weights_to_the_last_bit():
-    from agent.pose_filter.tables import build_tables
-    from ciberrato.labfile import read_lab
-    from maps import find_lab
+    from ciberrato.files.lab import read_lab
+    from ciberrato.labs import find_lab
+    from ciberrato.localization.tables.pose_tables import build_tables
 
     lab = read_lab(find_lab("twins"))
     tables = build_tables(lab, ANGLES, 2.0 / 9.0, steps=1)
@@ -200,11 +200,11 @@ def test_smoothing_knows_the_start_that_filtering_could_not(small_lab, fine_tabl
 
 
 def test_a_claim_in_a_lab_that_looks_the_same_turned_round_is_shared_with_its_images():
-    from agent.pose_filter.lattice import build_lattice
-    from agent.pose_filter.symmetry import SymmetryCheck, find_turns
-    from ciberrato.geometry import WallMap
-    from ciberrato.infrared import ideal_reading, sensor_distances
-    from ciberrato.lab import Lab, Wall
+    from ciberrato.geometry.walls import WallMap
+    from ciberrato.infrared.model import ideal_reading, sensor_distances
+    from ciberrato.localization.belief.lattice import build_lattice
+    from ciberrato.localization.evidence.symmetry import SymmetryCheck, find_turns
+    from ciberrato.world.lab import Lab, Wall
 
     def star(count: int) -> Lab:
         """Return a triangle, with a block before as many of its sides."""

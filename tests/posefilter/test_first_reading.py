@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agent.offline.ground_truth import standing_room
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.startprior import parse_start
-from ciberrato.infrared import cell_readings, reading_log_likelihood, round_reading
-from ciberrato.parameters import Parameters
+from agent.offline.expected_readings import standing_room
+from ciberrato.infrared.model import cell_readings, reading_log_likelihood, round_reading
+from ciberrato.localization.evidence.start_prior import parse_start
+from ciberrato.localization.grid_filter import PoseFilter
 from ciberrato.protocol.messages import Measures
+from ciberrato.world.parameters import Parameters
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 

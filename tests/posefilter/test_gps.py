@@ -8,18 +8,18 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.gps import GpsOffset, GpsSense, GpsTracker
-from agent.pose_filter.gpsplace import PlaceDensity, weigh_place
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.records import Motion
-from agent.pose_filter.staged import StagedFilter
-from agent.pose_filter.symmetry import Turn
-from ciberrato.kinematics import filter_power
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.evidence.gps import GpsOffset, GpsSense, GpsTracker
+from ciberrato.localization.evidence.gps_position import PlaceDensity, weigh_place
+from ciberrato.localization.evidence.symmetry import Turn
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.records import Motion
+from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.physics.kinematics import filter_power
 from ciberrato.protocol import Actions, Measures, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 HARSH = Parameters(

@@ -11,13 +11,13 @@ import types
 
 import pytest
 
-from agent.pose_filter.live import LiveFilter
 from agent.run.live_controller import LiveController
-from ciberrato.lab import Lab, Wall
-from ciberrato.parameters import Parameters
+from ciberrato.files.run_log import RunHeader, RunWriter, read_run
+from ciberrato.localization.live_filter import LiveFilter
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.runlog import RunHeader, RunWriter, read_run
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Lab, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
@@ -116,7 +116,7 @@ def test_the_controller_logs_what_the_filter_knows(small_lab, coarse_tables, fin
 
 
 def test_rooms_that_look_alike_are_both_in_the_log():
-    from agent.pose_filter.tables import build_tables
+    from ciberrato.localization.tables.pose_tables import build_tables
 
     def beam(y):
         return Wall(height=4.0, corners=((0.0, y), (6.0, y), (6.0, y + 0.2), (0.0, y + 0.2)))
@@ -192,7 +192,7 @@ def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
     assert last.leds[0]
     assert last.estimate is not None
     assert math.hypot(last.estimate[0] - 7.0, last.estimate[1] - 5.0) < 0.3
-    from ciberrato.belieffile import read_beliefs
+    from ciberrato.files.beliefs import read_beliefs
 
     blocks = read_beliefs(tmp_path / "localization.out")[0].beliefs
     assert blocks.shape[1:] == (3, 4)

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from ciberrato.runlog import read_run
+from ciberrato.files.run_log import read_run
 
 LAB = (
     '<Lab Name="small" Height="6" Width="8"><Wall Height="4">'

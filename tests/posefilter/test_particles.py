@@ -6,18 +6,18 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.estimate import estimate
-from agent.pose_filter.particles import ParticleCloud
-from agent.pose_filter.records import FilterStep, Motion
-from agent.pose_filter.staged import StagedFilter
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, reading_log_likelihood, sensor_distances
-from ciberrato.kinematics import filter_power
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, reading_log_likelihood, sensor_distances
+from ciberrato.localization.belief.estimate import estimate
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.records import FilterStep, Motion
+from ciberrato.localization.refinement.particles import ParticleCloud
+from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.physics.kinematics import filter_power
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.batch import BatchSimulation
 from simulator_stub.simulation import Simulation
 

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.startprior import StartPrior, begin_with, check_start, parse_start
-from agent.pose_filter.symmetry import Turn
 from ciberrato.errors import UsageError
-from ciberrato.parameters import Parameters
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.evidence.start_prior import StartPrior, begin_with, check_start, parse_start
+from ciberrato.localization.evidence.symmetry import Turn
+from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.world.parameters import Parameters
 
 DEFAULT = Parameters(sim_time=0)
 

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab, Target, Wall
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.labs import find_lab
 from ciberrato.protocol import Actions, Measures, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_lab
+from ciberrato.world.lab import Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.batch import BatchReadings, BatchSimulation
 from simulator_stub.batch import noise as batch_noise
 from simulator_stub.simulation import Simulation

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from ciberrato.gridfile import default_grid, read_grid
-from ciberrato.labfile import default_lab, read_lab
+from ciberrato.files.lab import default_lab, read_lab
+from ciberrato.files.simulator_log import read_simulator_log
+from ciberrato.files.start_grid import default_grid, read_grid
+from ciberrato.labs import find_grid, find_lab
 from ciberrato.net import TcpLink, UdpLink
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, RobotRegistration, encode
-from ciberrato.simlog import read_simulator_log
-from maps import find_grid, find_lab
+from ciberrato.world.parameters import Parameters
 from simulator_stub.assembly import read_world
 from simulator_stub.cli import main
 from simulator_stub.options import parse_arguments

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from ciberrato.gridfile import default_grid
-from ciberrato.labfile import default_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import default_lab
+from ciberrato.files.start_grid import default_grid
 from ciberrato.protocol import Actions, RobotRegistration
-from simulator_stub.kidnapping import Kidnapper, Kidnapping, parse_kidnapping
+from ciberrato.world.parameters import Parameters
+from simulator_stub.recording.kidnapping import Kidnapper, Kidnapping, parse_kidnapping
 from simulator_stub.simulation import Simulation
 
 

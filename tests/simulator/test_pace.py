@@ -5,14 +5,14 @@ from typing import Any
 
 import pytest
 
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Actions, encode
-from ciberrato.startgrid import StartGrid
-from simulator_stub.pace import IDLE_LIMIT, SETTLE, Lockstep, Pace, RealTime
-from simulator_stub.session import Session
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+from simulator_stub.service.pace import IDLE_LIMIT, SETTLE, Lockstep, Pace, RealTime
+from simulator_stub.service.session import Session
 from simulator_stub.simulation import Simulation
-from simulator_stub.simulator_state import SimulatorState
+from simulator_stub.world.simulator_state import SimulatorState
 
 PERIOD = 0.05
 LIMIT = 1.0

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import other_robot_distance, sensor_distances
-from ciberrato.labfile import read_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import other_robot_distance, sensor_distances
+from ciberrato.labs import find_lab
 from ciberrato.net import UdpLink
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import Circle, GridBelief, OverlayMessage, Text
 from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
-from maps import find_lab
-from viewer.page_messages import lab_document
+from ciberrato.viewer.page_messages import lab_document
 
 from .conftest import SECONDS
 
@@ -88,7 +88,7 @@ class World:
         self._simulator = self._start("simulator_stub", "--port", "0", "--seed", "1", *simulator_options)
         self.port = int(self._expect(self._simulator, r"listening on udp .*:(\d+)"))
         self._viewer = self._start(
-            "viewer", "--simulator", f"127.0.0.1:{self.port}", "--http", "0", "--overlay", "0"
+            "ciberrato.viewer", "--simulator", f"127.0.0.1:{self.port}", "--http", "0", "--overlay", "0"
         )
         self.url = self._expect(self._viewer, r"page: (\S+)")
         self.overlay_port = int(self._expect(self._viewer, r"overlay: 127.0.0.1:(\d+)"))
@@ -417,7 +417,8 @@ def test_the_state_of_a_simulator_that_is_gone_is_not_running(world: World, page
 
 
 def test_a_page_without_a_simulator_says_where_it_looks(chromium: Any) -> None:
-    command = [sys.executable, "-m", "viewer", "--http", "0", "--no-overlay", "--simulator", "127.0.0.1:9"]
+    nowhere = ("--http", "0", "--no-overlay", "--simulator", "127.0.0.1:9")
+    command = [sys.executable, "-m", "ciberrato.viewer", *nowhere]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as viewer:
         assert viewer.stdout is not None
         url = viewer.stdout.readline().split()[1]

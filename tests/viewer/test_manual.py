@@ -7,7 +7,7 @@ import socket
 from pathlib import Path
 
 from ciberrato.overlay import KINDS, OVERLAY_PORT, decode_overlay
-from viewer.cli import _parser
+from ciberrato.viewer.cli import _parser
 
 DOCS = Path(__file__).parents[2] / "docs"
 VIEWER, OVERLAY = ((DOCS / name).read_text() for name in ("viewer.md", "overlay.md"))
@@ -64,7 +64,7 @@ def test_every_kind_of_shape_is_described():
 
 
 def test_the_messages_of_the_page_are_described():
-    from viewer.page_messages import read_page_message
+    from ciberrato.viewer.page_messages import read_page_message
 
     for text in re.findall(r"\| `(\{.*?\})`", VIEWER):
         read_page_message(json.dumps(json.loads(text)))

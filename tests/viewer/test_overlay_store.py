@@ -5,10 +5,10 @@ import base64
 import numpy as np
 import pytest
 
-import viewer.overlay_store
-from ciberrato.lab import Lab
+import ciberrato.viewer.overlay_store
 from ciberrato.overlay import Circle, GridBelief, OverlayMessage
-from viewer.overlay_store import MOST_SHAPES, MOST_SOURCES, OverlayStore
+from ciberrato.viewer.overlay_store import MOST_SHAPES, MOST_SOURCES, OverlayStore
+from ciberrato.world.lab import Lab
 
 LAB = Lab(width=8.0, height=4.0)
 WORLD = {
@@ -128,7 +128,7 @@ def test_sources_and_shapes_are_bounded():
 
 @pytest.mark.parametrize("sources", [1, 4])
 def test_beliefs_are_bounded_by_their_bytes_and_the_newest_stay(monkeypatch, sources):
-    monkeypatch.setattr(viewer.overlay_store, "MOST_BELIEF_BYTES", 50_000)
+    monkeypatch.setattr(ciberrato.viewer.overlay_store, "MOST_BELIEF_BYTES", 50_000)
     store = OverlayStore()
     for time in range(400):
         for n in range(sources):

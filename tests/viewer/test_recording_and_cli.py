@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ciberrato.viewer.simulator_log import load_simulator_log
 
-from ciberrato.belieffile import write_beliefs
 from ciberrato.errors import LabError
-from ciberrato.infrared import cell_readings, round_reading
-from ciberrato.labfile import read_lab
-from maps import find_lab
-from viewer.cli import main
-from viewer.page_messages import AskBelief, AskFrames
-from viewer.recording import load_recording
-from viewer.simulatorlog import load_simulator_log
+from ciberrato.files.beliefs import write_beliefs
+from ciberrato.files.lab import read_lab
+from ciberrato.infrared.model import cell_readings, round_reading
+from ciberrato.labs import find_lab
+from ciberrato.viewer.cli import main
+from ciberrato.viewer.page_messages import AskBelief, AskFrames
+from ciberrato.viewer.recording import load_recording
 
 from .conftest import SECONDS
 
@@ -235,7 +235,7 @@ def test_what_begins_like_a_log_and_is_none_is_refused(tmp_path, capsys):
 
 
 def started(*arguments: str, **options: object) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "viewer", "--http", "0", "--overlay", "0", *arguments]
+    command = [sys.executable, "-m", "ciberrato.viewer", "--http", "0", "--overlay", "0", *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)  # type: ignore[call-overload, no-any-return]
 
 

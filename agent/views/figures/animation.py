@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from agent.offline.summary import cell_name, normalized_entropy, peak
 from agent.offline.track import estimated_track
-from agent.offline.truthfile import TruePose
+from agent.offline.truth_file import TruePose
 from agent.views.figures.beliefs import draw_belief, probability_scale, ring_cell
 from agent.views.figures.canvas import LINE_COLOURS, new_figure
 from agent.views.figures.conepoint import nearest_point, sensor_point
 from agent.views.figures.labmaps import draw_cone, draw_robot
-from ciberrato.atomic import replace_file
 from ciberrato.errors import UsageError
-from ciberrato.geometry import WallMap
-from ciberrato.lab import CELL_SIZE, Lab
-from ciberrato.runrecords import RecordedRun
+from ciberrato.files.atomic import replace_file
+from ciberrato.files.run_records import RecordedRun
+from ciberrato.geometry.walls import WallMap
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from agent.views.figures.canvas import (
     step_names,
 )
 from agent.views.figures.panelchoice import Choice, telling_blocks
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import math
 from pathlib import Path
 from typing import Any, Literal
 
-from ciberrato.atomic import replace_file
 from ciberrato.errors import UsageError
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.files.atomic import replace_file
 from ciberrato.plaintext import plain
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 TRUE_COLOUR = "#d62728"
 """Of what is true and was not known to the filter."""

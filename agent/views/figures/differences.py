@@ -21,8 +21,8 @@ from agent.views.figures.canvas import (
     step_names,
 )
 from agent.views.figures.panelchoice import without_tail
-from ciberrato.lab import CELL_SIZE, Lab
 from ciberrato.plaintext import plain
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 _NOTHING = 0.0005
 """A difference that three decimals do not show."""

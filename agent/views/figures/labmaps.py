@@ -21,14 +21,14 @@ from agent.views.figures.canvas import (
     set_title,
 )
 from agent.views.figures.conepoint import nearest_point, sensor_point
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import HALF_APERTURE, ideal_reading
-from ciberrato.kinematics import ROBOT_RADIUS
-from ciberrato.lab import CELL_SIZE, Lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import HALF_APERTURE, ideal_reading
+from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.plaintext import plain
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 if TYPE_CHECKING:
-    from agent.offline.ground_truth import GroundTruth
+    from agent.offline.expected_readings import GroundTruth
 
 
 def wall_map(lab: Lab, path: str | os.PathLike[str]) -> None:

@@ -1,0 +1,1 @@
+"""How robots move and what stops them: wheel filter, pose update, collisions."""

@@ -1,0 +1,1 @@
+"""What there is: labs, start grids and parameters, as frozen records."""
