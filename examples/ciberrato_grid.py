@@ -60,7 +60,7 @@ def solve(seed: int) -> Run:
     cells = tuple((START[0], START[1] + k) for k in range(CELLS_ENTERED + 1))
     noisy = np.array([ideal[cell] for cell in cells]) + NOISE * rng.standard_normal((len(cells), sensors))
     readings = np.asarray(round_reading(noisy), dtype=float)
-    sensor = GaussianSensor(sigma=math.sqrt(0.1), normalized=False)
+    sensor = GaussianSensor(sigma=math.sqrt(0.1), normalized=False, signed=True)
     motion = Shift(edges=("lose", "lose"))
     beliefs = [np.full((rows, columns), 1.0 / (rows * columns))]
     for step, reading in enumerate(readings):

@@ -24,6 +24,7 @@ from ciberrato.protocol import (
     RobotStatus,
 )
 from ciberrato.protocol.drafts import MeasuresDraft
+from ciberrato.world.coordinates import SensorAngles
 from ciberrato.world.lab import Beacon, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -36,8 +37,6 @@ from simulator_stub.world.robot import Robot
 from simulator_stub.world.robot_state import MOVING, RobotState
 from simulator_stub.world.simulator_state import SimulatorEvent, SimulatorState, SimulatorStateMachine
 from simulator_stub.world.world import World
-
-SensorAngles = tuple[float, float, float, float]
 
 NAMELESS = "(null)"
 """What a robot is called that gave no name."""
@@ -166,7 +165,7 @@ class Simulation:
         wanted = registration.robot_id
         places = range(1, len(self.world.grid.positions) + 1)
         free = [place for place in places if place not in self._robots]
-        robot_id = wanted if wanted else (free[0] if free else 0)
+        robot_id = wanted if wanted > 0 else (free[0] if free else 0)
         if robot_id not in free:
             return None
         self._robots[robot_id] = self._make_robot(

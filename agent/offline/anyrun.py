@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from agent.offline.simulator_log import Angles, is_simulator_log, replay_of
-from agent.offline.truth_file import TruePose
+from agent.offline.simulator_log import is_simulator_log, replay_of
 from ciberrato.files.run_log import read_run
 from ciberrato.files.run_records import RecordedRun
+from ciberrato.world.coordinates import PoseInDegrees, SensorAngles
 from ciberrato.world.lab import Lab
 
 
@@ -26,10 +26,10 @@ class Recorded(NamedTuple):
 
     run: RecordedRun
     lab: Lab | None
-    truth: dict[int, TruePose] | None
+    truth: dict[int, PoseInDegrees] | None
 
 
-def read_recorded(path: Path, angles: Angles, *, robot: int | None = None) -> Recorded:
+def read_recorded(path: Path, angles: SensorAngles, *, robot: int | None = None) -> Recorded:
     """Read the log of a run, whosever it is.
 
     Parameters

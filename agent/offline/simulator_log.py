@@ -12,15 +12,14 @@ import hashlib
 from pathlib import Path
 
 from agent.drives.right.controller import make_cycle
-from agent.drives.right.tracker import STANDSTILL, CellTracker
-from agent.offline.truth_file import TruePose
+from agent.drives.right.tracker import CellTracker
 from ciberrato.errors import UsageError
 from ciberrato.files.log_kind import is_simulator_log as is_simulator_log
 from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
 from ciberrato.files.simulator_log import LogHeader, LogRecord, LogStream
+from ciberrato.physics.kinematics import STANDSTILL
+from ciberrato.world.coordinates import PoseInDegrees, SensorAngles
 from ciberrato.world.lab import Lab
-
-Angles = tuple[float, float, float, float]
 
 
 class LogReplay:
@@ -40,8 +39,8 @@ class LogReplay:
         Where it really was, by cycle; units and degrees.
     """
 
-    def __init__(self, log: LogHeader, angles: Angles, robot: int) -> None:
-        self.poses: dict[int, TruePose] = {}
+    def __init__(self, log: LogHeader, angles: SensorAngles, robot: int) -> None:
+        self.poses: dict[int, PoseInDegrees] = {}
         self._log, self._angles, self._robot = log, angles, robot
         self._tracker = CellTracker(log.parameters, angles)
         self._command: tuple[float, float] | None = None
@@ -89,7 +88,7 @@ class LogReplay:
         return RecordedRun(header, tuple(self._cycles))
 
 
-def replay_of(path: Path, angles: Angles, *, robot: int | None = None) -> tuple[LogReplay, Lab]:
+def replay_of(path: Path, angles: SensorAngles, *, robot: int | None = None) -> tuple[LogReplay, Lab]:
     """Follow one robot through a whole log.
 
     Parameters
@@ -130,7 +129,7 @@ def replay_of(path: Path, angles: Angles, *, robot: int | None = None) -> tuple[
 
 
 def run_from_simulator_log(
-    path: Path, angles: Angles, *, robot: int | None = None
+    path: Path, angles: SensorAngles, *, robot: int | None = None
 ) -> tuple[RecordedRun, Lab]:
     """Read one robot's run from a simulator's log.
 

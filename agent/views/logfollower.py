@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from agent.offline.simulator_log import Angles, replay_of
-from agent.offline.truth_file import TruePose
+from agent.offline.simulator_log import replay_of
 from ciberrato.errors import LabError
 from ciberrato.files.run_log import parse_cycle, parse_header
 from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
+from ciberrato.world.coordinates import PoseInDegrees, SensorAngles
 
 _READING_SHARE = 4.0
 """A log that is read anew is left alone for so many times as long as that took."""
@@ -106,12 +106,12 @@ class SimulatorLogFollower:
         If that robot is not in it.
     """
 
-    def __init__(self, path: Path, angles: Angles, *, robot: int | None = None) -> None:
+    def __init__(self, path: Path, angles: SensorAngles, *, robot: int | None = None) -> None:
         self._path, self._angles, self._robot = path, angles, robot
         self._seen = (-1, -1)
         self._first = True
         self._due = 0.0
-        self.poses: dict[int, TruePose] = {}
+        self.poses: dict[int, PoseInDegrees] = {}
         self._read()
 
     @property

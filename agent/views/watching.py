@@ -11,15 +11,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.offline.localization import ground_truth_of, localize_run
+from agent.offline.localization import expected_readings_of, localize_run
 from agent.offline.summary import heat_map, step_table
 from agent.views.logfollower import Follower, LogFollower, SimulatorLogFollower, follow
-from ciberrato.files.run_records import RecordedRun
+from ciberrato.files.run_records import Cycle, RecordedRun
 from ciberrato.plaintext import plain
 
 if TYPE_CHECKING:
-    from agent.offline.expected_readings import GroundTruth
-    from agent.offline.truth_file import TruePose
+    from agent.offline.expected_readings import ExpectedReadings
+    from ciberrato.world.coordinates import PoseInDegrees
     from ciberrato.world.lab import Lab
 
 INTERVAL = 0.2
@@ -71,35 +71,37 @@ def watch(
         print(_screen_of(once_only, lab, None, colour)[0], file=out)
         return
     print(_CLEAR_ALL, end="", file=out, flush=True)
-    truth: GroundTruth | None = None
+    expected: ExpectedReadings | None = None
     for follower in follow(path, interval=INTERVAL, ended=ended, idle_limit=idle_limit):
-        text, truth = _screen_of(follower, lab, truth, colour)
+        text, expected = _screen_of(follower, lab, expected, colour)
         lines = text.split("\n")[: shutil.get_terminal_size().lines - 1]
         print(_HOME + "".join(line + _CLEAR_LINE + "\n" for line in lines) + _CLEAR_BELOW, end="", file=out)
         out.flush()
 
 
 def _screen_of(
-    follower: Follower, lab: Lab, truth: GroundTruth | None, colour: bool
-) -> tuple[str, GroundTruth | None]:
-    if follower.header is not None and truth is None:
-        truth = ground_truth_of(follower.header, lab)
+    follower: Follower, lab: Lab, expected: ExpectedReadings | None, colour: bool
+) -> tuple[str, ExpectedReadings | None]:
+    if follower.header is not None and expected is None:
+        expected = expected_readings_of(follower.header, lab)
     size = shutil.get_terminal_size()
     pose = None
     if isinstance(follower, SimulatorLogFollower) and follower.run.cycles:
         pose = follower.poses.get(follower.run.cycles[-1].time)
-    shown = screen(follower.run, truth, width=size.columns, height=size.lines, colour=colour, true_pose=pose)
-    return shown, truth
+    shown = screen(
+        follower.run, expected, width=size.columns, height=size.lines, colour=colour, true_pose=pose
+    )
+    return shown, expected
 
 
 def screen(
     run: RecordedRun | None,
-    truth: GroundTruth | None,
+    expected: ExpectedReadings | None,
     *,
     width: int = 80,
     height: int = 24,
     colour: bool = False,
-    true_pose: TruePose | None = None,
+    true_pose: PoseInDegrees | None = None,
 ) -> str:
     """Say on one screen what the agent is doing and where it believes to be.
 
@@ -107,7 +109,7 @@ def screen(
     ----------
     run : RecordedRun or None
         So far.
-    truth : GroundTruth or None
+    expected : ExpectedReadings or None
     width, height : int
         Of the terminal.
     colour : bool
@@ -119,7 +121,7 @@ def screen(
     str
         At most `height` - 1 lines of at most `width` characters (escapes aside).
     """
-    if run is None or not run.cycles or truth is None:
+    if run is None or not run.cycles or expected is None:
         return "waiting for the log of a run"
     header, last = run.header, run.cycles[-1]
     button = "running" if last.start else "stopped" if last.stop else "finished"
@@ -135,11 +137,11 @@ def screen(
         )
         + f"   compass {'-' if last.compass is None else f'{last.compass:g}'}"
         + f"   motors {'-' if last.command is None else '{:g} {:g}'.format(*last.command)}",
-        f"way {last.displacement:.2f}  beside {last.lateral:+.2f}  heading {last.heading:+.1f}°"
+        _pose_line(last)
         + ("" if true_pose is None else "   true pose ({:.2f}, {:.2f}) {:.1f}°".format(*true_pose)),
         "",
     ]
-    found = localize_run(run, truth)
+    found = localize_run(run, expected)
     table = step_table(found.beliefs).split("\n")
     picture = heat_map(found.beliefs[-1], width=width, colour=colour).split("\n")
     room = height - 1 - len(lines) - len(picture) - 2
@@ -147,3 +149,13 @@ def screen(
     lines += [table[0], *table[1:][-rows:], "", *picture]
     # A colour's escapes take no room; only the picture has them, and it fits by itself.
     return "\n".join(line if "\x1b" in line else line[:width] for line in lines)
+
+
+def _pose_line(cycle: Cycle) -> str:
+    """Say where the robot takes itself to be: by the drive's dead reckoning, or by the pose filter."""
+    if cycle.displacement is not None and cycle.lateral is not None and cycle.heading is not None:
+        return f"way {cycle.displacement:.2f}  beside {cycle.lateral:+.2f}  heading {cycle.heading:+.1f}°"
+    if cycle.estimate is None:
+        return "the pose filter has no tables yet"
+    x, y, heading, probability = cycle.estimate
+    return f"x {x:.2f}  y {y:.2f}  heading {heading:+.1f}°  p {probability:.3f}"

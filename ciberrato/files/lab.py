@@ -10,7 +10,8 @@ from ciberrato.errors import LabError
 from ciberrato.files.row_pattern import row_walls
 from ciberrato.files.xml import Element, Reader, parse_elements, read_file
 from ciberrato.geometry.angles import bearing, wrap_once
-from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Point, Target, Wall
+from ciberrato.world.coordinates import Point
+from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
 
 MAX_SIDE = 2000.0
 """Longest side of a lab in units, so that a slip of the pen does not ask for all the memory there is."""

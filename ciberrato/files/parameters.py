@@ -13,9 +13,11 @@ from ciberrato.world.parameters import Parameters
 
 # In files the collision latency has a small letter, and the line sensor's probability can be set, which is
 # never announced.
-_NATURALS = {name: field for name, field in INTEGERS.items() if name != "CollisionLatency"} | {
-    "collisionLatency": "collision_latency"
-}
+_SIGNED = {name: INTEGERS[name] for name in ("ReturnTimePenalty", "CollisionRobotPenalty")}
+"""The only two that the real simulator reads with their sign; a negative value of the others is 0."""
+_NATURALS = {
+    name: field for name, field in INTEGERS.items() if name != "CollisionLatency" and name not in _SIGNED
+} | {"collisionLatency": "collision_latency"}
 _REALS = REALS | {"LineSensorTrueProb": "line_sensor_true_probability"}
 
 _WITHOUT_EFFECT = {
@@ -98,6 +100,7 @@ def _values(element: Element, reader: Reader) -> dict[str, Any]:
     # The defaults passed on here never show: only attributes that the element has are looked up.
     kinds: tuple[tuple[dict[str, str], Callable[[str], Any]], ...] = (
         (_NATURALS, lambda attribute: reader.natural(element, attribute, 0)),
+        (_SIGNED, lambda attribute: reader.integer(element, attribute, 0)),
         (_REALS, lambda attribute: _checked_real(element, attribute, reader)),
         (SWITCHES, lambda attribute: reader.switch(element, attribute, False)),
         (FILE_NAMES, lambda attribute: element.attributes[attribute]),

@@ -120,6 +120,8 @@ def row_at(row_of, x, y):
 def distance_ahead(faces, row_of, seen, robot_x, robot_y, direction):
     """Return the distance that one sensor of a robot takes; nan where the lists of faces do not decide."""
     axis = wrap(direction)
+    if not -math.pi <= axis <= math.pi:
+        return math.nan
     cosine, sine = math.cos(axis), math.sin(axis)
     x = robot_x + SENSOR_OFFSET * cosine
     y = robot_y + SENSOR_OFFSET * sine

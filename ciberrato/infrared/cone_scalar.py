@@ -13,6 +13,7 @@ from math import cos, floor, inf, pi, sin, sqrt, tan
 from ciberrato.geometry.visible_faces import SECTORS, SECTORS_PER_RADIAN, SQUARES_PER_UNIT, Seen
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.cone_pairs import HALF_APERTURE, IN_LINE
+from ciberrato.infrared.exact import exact_distance
 from ciberrato.infrared.on_face import distance_by_angles
 
 COS, TAN = cos(HALF_APERTURE), tan(HALF_APERTURE)
@@ -34,7 +35,8 @@ def single_cone_distances(
     x, y : float
         Centre of the robot.
     directions : iterable of float
-        The sensors' axes in radians, not wrapped yet.
+        The sensors' axes in radians, not wrapped yet. Those beyond ±3 π, which one turn does not bring within
+        ±π, see what they see in the real simulator (`ciberrato.infrared.on_face`).
     offset : float
         Units from the centre to each sensor.
 
@@ -46,10 +48,14 @@ def single_cone_distances(
     distances = []
     lists, more = walls.views.lists, walls.views.add
     for direction in directions:
+        axis = direction
         if direction > pi:
             direction -= _TURN
         elif direction < -pi:
             direction += _TURN
+        if not -pi <= direction <= pi:
+            distances.append(exact_distance(walls, x, y, axis, offset))
+            continue
         cosine, sine = cos(direction), sin(direction)
         sensor_x, sensor_y = x + offset * cosine, y + offset * sine
         square = floor(sensor_x * SQUARES_PER_UNIT), floor(sensor_y * SQUARES_PER_UNIT)

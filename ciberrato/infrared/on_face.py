@@ -3,7 +3,8 @@
 A robot that just touches a wall has a sensor point on a face. Then it hangs on the last bit of an arc
 tangent whether that face is seen, at distance 0, or looked through, and only the same arithmetic gives the
 same answer. Everywhere else these rules agree with `ciberrato.infrared.model.sensor_distances` within
-rounding, and are much slower.
+rounding, and are much slower; with the sensor's place from `ciberrato.infrared.exact.exact_distance` they
+equal the recorded distances of the real simulator to the last bit.
 
 A ray at an angle hits a face if the angle lies between those of the face's ends, the short way round, ends
 included; the hit is where the two straight lines cross. A face seen edge-on counts with its nearer end if
@@ -31,7 +32,8 @@ def distance_by_angles(walls: NearbyFaces, x: float, y: float, direction: float)
     x, y : float
         Place of the sensor, in units.
     direction : float
-        Its axis in radians, wrapped once.
+        Its axis in radians, wrapped once. It may still be beyond ±π, as that of a robot that starts with a
+        heading of two turns: then every corner counts, and of the faces those that straddle ±π.
 
     Returns
     -------
@@ -44,7 +46,7 @@ def distance_by_angles(walls: NearbyFaces, x: float, y: float, direction: float)
         if bound > nearest:
             break
         start, end = bearing(x, y, x0, y0), bearing(x, y, x1, y1)
-        if abs(wrap_once(start - direction)) <= _HALF_APERTURE:
+        if _aside(start, direction) <= _HALF_APERTURE:
             nearest = min(nearest, _length(x, y, x0, y0))
         for ray in rays:
             if start == end:
@@ -88,6 +90,12 @@ def ray_distance_by_angles(walls: NearbyFaces, x: float, y: float, angle: float)
     return nearest
 
 
+def _aside(one: float, other: float) -> float:
+    """Angle between two directions; below 0 if one of them is beyond ±π, so that it is within any other."""
+    aside = abs(one - other)
+    return 2 * math.pi - aside if aside > math.pi else aside
+
+
 def _between(angle: float, one: float, other: float) -> bool:
     least, greatest = min(one, other), max(one, other)
     if greatest - least <= math.pi:
@@ -102,15 +110,15 @@ def _crossing(
     if x0 == x1:
         return None if angle == _QUARTER else (x0, y + math.tan(angle) * (x0 - x))
     slope = (y1 - y0) / (x1 - x0)
-    offset = y0 - slope * x0
     if angle == _QUARTER:
-        return x, slope * x + offset
+        return x, y0 + slope * (x - x0)
     tangent = math.tan(angle)
     if tangent == slope:
         return None
-    hit_x = (offset - (y - tangent * x)) / (tangent - slope)
-    # From the face, not from the ray, whose tangent ruins it near ±90 degrees.
-    return hit_x, slope * hit_x + offset
+    # Cramer's rule for the two lines y = slope x + offset: to the last bit what the real simulator has.
+    offset, ray_offset = y0 - slope * x0, y - tangent * x
+    difference = tangent - slope
+    return (offset - ray_offset) / difference, (tangent * offset - slope * ray_offset) / difference
 
 
 def _length(x0: float, y0: float, x1: float, y1: float) -> float:

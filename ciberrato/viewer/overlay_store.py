@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.overlay import KINDS, GridBelief, OverlayMessage, Shape
+from ciberrato.world.coordinates import Point
 from ciberrato.world.lab import Lab
 
 MOST_SOURCES = 32
@@ -22,8 +23,7 @@ MOST_BELIEF_BYTES = 16_000_000
 """Of all sources together; beyond it every second one of the older half of the greatest is forgotten."""
 
 MOST_MODES = 6
-Place = tuple[float, float]
-PlaceOf = Callable[[int, int], Place | None]
+PlaceOf = Callable[[int, int], Point | None]
 _LEVELS = 65535
 _KIND_NAMES = {record: kind for kind, record in KINDS.items()}
 
@@ -53,7 +53,7 @@ class StoredBelief:
     peak: float
     entropy: float
     extent: tuple[float, float, float, float] | None
-    place: Place | None = None
+    place: Point | None = None
     truth: float | None = None
 
     def cells(self) -> NDArray[np.float64]:
@@ -299,7 +299,7 @@ def _compared(belief: StoredBelief, robot: int | None, lab: Lab | None, place_of
 def _probability_at(
     cells: NDArray[np.float64],
     extent: tuple[float, float, float, float] | None,
-    place: Place | None,
+    place: Point | None,
     lab: Lab | None,
 ) -> float | None:
     if place is None or (lab is None and extent is None):

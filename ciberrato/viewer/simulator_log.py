@@ -9,12 +9,11 @@ from ciberrato.files.simulator_log import LoggedRobot, LogStream
 from ciberrato.overlay import OverlayMessage
 from ciberrato.protocol import Acceptance, RobotStatus
 from ciberrato.viewer.session import Session
-
-Angles = tuple[float, float, float, float]
+from ciberrato.world.coordinates import SensorAngles
 
 
 def load_simulator_log(
-    path: Path, angles: Angles | None = None, notify: Callable[[str], None] = lambda line: None
+    path: Path, angles: SensorAngles | None = None, notify: Callable[[str], None] = lambda line: None
 ) -> Session:
     """Make a session that shows a log, of the real simulator or of ours.
 

@@ -1,6 +1,7 @@
 """One cycle of a batch in machine code: the loops of `simulator_stub.batch.loops`, and what they leave open.
 
-That is: places that have no square yet, squares with very many faces, and sensors that lie exactly on a face.
+That is: places that have no square yet, squares with very many faces, sensors that lie exactly on a face,
+readings that hang on rounding, and axes that one turn does not bring within ±π.
 The functions for one robot decide there. The few other sensors are the same as without machine code.
 """
 
@@ -11,6 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
+from ciberrato.infrared.exact import exact_distance, hangs_on_rounding
 from ciberrato.infrared.model import SENSOR_OFFSET, distances_at, ideal_reading, round_reading
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.batch import loops
@@ -23,7 +26,6 @@ from simulator_stub.world.floor import Floor
 
 __all__ = ["compass", "ground", "infrared", "line", "move"]
 
-Floats = NDArray[np.float64]
 
 _NO_NOISE = np.zeros((1, 1))
 
@@ -89,7 +91,10 @@ def _complete(plan: BatchPlan, state: BatchState, noise: Floats, readings: Float
     )
     for robot, sensor, axis in zip(robots.tolist(), sensors.tolist(), axes.tolist(), strict=True):
         place = float(state.x[robot]), float(state.y[robot])
-        reading = ideal_reading(distances_at(plan.tables.walls, *place, [axis])[0])
+        distance = distances_at(plan.tables.walls, *place, [axis])[0]
+        if plan.obstacle_deviation == 0.0 and hangs_on_rounding(distance):
+            distance = exact_distance(plan.tables.walls, *place, axis, SENSOR_OFFSET)
+        reading = ideal_reading(distance)
         if plan.obstacle_deviation > 0.0:
             reading += plan.obstacle_deviation * float(noise[robot, sensor])
         readings[robot, sensor] = round_reading(reading)

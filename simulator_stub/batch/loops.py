@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 from ciberrato.infrared.cone_compiled import distance_ahead, row_at, wrap
+from ciberrato.infrared.exact import CLOSE
 from ciberrato.infrared.face_tables import TOUCHED
 from ciberrato.infrared.model import CONTACT, SATURATION
 from ciberrato.physics.kinematics import ROBOT_RADIUS
@@ -108,6 +109,12 @@ def infrared(pose, angles, deviation, noise, faces, row_of, seen, readings):
             reading = 1.0 / distance if CONTACT < distance < math.inf else SATURATION
             if deviation > 0.0:
                 reading += deviation * noise[robot, sensor]
+            elif distance > 0.0:
+                tenths = 10.0 / distance
+                if abs(tenths - math.floor(tenths) - 0.5) < CLOSE:
+                    readings[robot, sensor] = math.nan
+                    count += 1
+                    continue
             readings[robot, sensor] = math.floor(10.0 * reading + 0.5) / 10.0
     return count
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ciberrato.errors import UsageError
-from simulator_stub.recording.observer import Recorder
+from simulator_stub.recording.observer import Observer
 
 if TYPE_CHECKING:
     from simulator_stub.simulation import Simulation
@@ -19,7 +19,7 @@ FORMAT = 1
 """Number of the format of the result file; counted up when something in it changes its meaning."""
 
 
-class Results(Recorder):
+class Results(Observer):
     """Keeps the outcome of every run in which time passed.
 
     Parameters

@@ -88,7 +88,12 @@ class CircuitScoring(Scoring):
 
     def begin(self, robot: Robot) -> None:
         """Find the circuit."""
-        self._progress[robot.robot_id] = Progress(self.find_circuit(robot.x, robot.y))
+        circuit = self.find_circuit(robot.x, robot.y)
+        if not circuit:
+            self.notes.append(
+                f"robot {robot.robot_id}: no circuit begins at its start; only collisions count"
+            )
+        self._progress[robot.robot_id] = Progress(circuit)
 
     def update(self, robot: Robot, time: int, robots: Sequence[Robot]) -> None:
         """Count one cycle. With EndLed on the rewards are lost, and the penalties stay."""

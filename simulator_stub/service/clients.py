@@ -12,7 +12,7 @@ QUEUE_LIMIT = 1000
 """Messages of one client that may wait; further ones are lost, as in a full socket."""
 
 
-class RobotSeat:
+class RobotClient:
     """A robot's client.
 
     Attributes
@@ -55,7 +55,7 @@ class RobotSeat:
         self.silent = False
 
 
-class ViewSeat:
+class ViewClient:
     """A view's client.
 
     Attributes

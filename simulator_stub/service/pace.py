@@ -25,13 +25,13 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from simulator_stub.service.clients import RobotSeat
+from simulator_stub.service.clients import RobotClient
 from simulator_stub.service.session import Session
 from simulator_stub.world.robot_state import RobotState
 from simulator_stub.world.simulator_state import SimulatorState
 
 SETTLE = 0.002
-"""Seconds that a message which does not look complete is given for its companion."""
+"""Seconds that a message which does not look complete is given for what follows it."""
 
 IDLE_LIMIT = 0.5
 """Seconds that a robot is waited for at the most while the simulator does not run."""
@@ -146,7 +146,7 @@ class Lockstep(Pace):
         self._due = self._clock()
         return going_on
 
-    def _wait_for_answers(self, poll: Poll, awaited: list[RobotSeat], *, running: bool) -> bool:
+    def _wait_for_answers(self, poll: Poll, awaited: list[RobotClient], *, running: bool) -> bool:
         limit = self.limit if running else min(self.limit, IDLE_LIMIT)
         deadline = self._clock() + limit
         # Look at least once, so that registrations, views and signals are noticed in any case.
@@ -155,7 +155,7 @@ class Lockstep(Pace):
             if not poll(wait):
                 return False
             if _all_answered(awaited):
-                return self._wait_for_companions(poll, awaited)
+                return self._wait_for_the_rest(poll, awaited)
             if not running and self.session.registrations_waiting:
                 return True
             left = deadline - self._clock()
@@ -164,37 +164,37 @@ class Lockstep(Pace):
                 return True
             wait = min(left, 1.0)
 
-    def _wait_for_companions(self, poll: Poll, awaited: list[RobotSeat]) -> bool:
+    def _wait_for_the_rest(self, poll: Poll, awaited: list[RobotClient]) -> bool:
         arrived = -1
-        while not all(seat.complete for seat in awaited):
-            before, arrived = arrived, sum(len(seat.messages) for seat in awaited)
+        while not all(client.complete for client in awaited):
+            before, arrived = arrived, sum(len(client.messages) for client in awaited)
             if arrived == before:
                 break
             if not poll(SETTLE):
                 return False
         return True
 
-    def _give_up(self, awaited: list[RobotSeat]) -> None:
-        for seat in awaited:
-            if not seat.answered and not seat.peer.closed:
-                seat.silent = True
+    def _give_up(self, awaited: list[RobotClient]) -> None:
+        for client in awaited:
+            if not client.answered and not client.peer.closed:
+                client.silent = True
                 if self.session.simulation.state is SimulatorState.RUNNING:
-                    self._notify(f"robot {seat.robot_id} is silent and not waited for until it answers")
+                    self._notify(f"robot {client.robot_id} is silent and not waited for until it answers")
 
-    def _awaited(self) -> list[RobotSeat]:
-        seats = self.session.robots
+    def _awaited(self) -> list[RobotClient]:
+        clients = self.session.robots
         return [
-            seats[robot.robot_id]
+            clients[robot.robot_id]
             for robot in self.session.simulation.robots
             if robot.state not in (RobotState.FINISHED, RobotState.REMOVED)
-            and not seats[robot.robot_id].silent
-            and not seats[robot.robot_id].peer.closed
+            and not clients[robot.robot_id].silent
+            and not clients[robot.robot_id].peer.closed
         ]
 
 
-def _all_answered(awaited: list[RobotSeat]) -> bool:
+def _all_answered(awaited: list[RobotClient]) -> bool:
     # A plain loop: this is asked at every wake-up.
-    for seat in awaited:  # noqa: SIM110
-        if not (seat.answered or seat.peer.closed):
+    for client in awaited:  # noqa: SIM110
+        if not (client.answered or client.peer.closed):
             return False
     return True

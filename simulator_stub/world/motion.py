@@ -18,7 +18,8 @@ def move(world: World, robots: Sequence[Robot]) -> None:
     """Move robots by one cycle and set their collision flags and counters.
 
     The motors of a robot that does not move (stopped or finished) run all the same, and it can be bumped
-    into; only its pose stays. A robot that collides keeps its place and takes its new heading.
+    into; only its pose and its count of collisions stay. A robot that collides keeps its place and takes its
+    new heading.
 
     Parameters
     ----------
@@ -64,8 +65,8 @@ def _commit(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
     robot.collided_before = collided_before
     robot.touches_wall = touches_wall
     robot.touches_robot = touches_robot
-    if collides and not collided_before:
-        robot.collisions += 1
     if robot.state in MOVING:
+        if collides and not collided_before:
+            robot.collisions += 1
         pose = (robot.x, robot.y, robot.heading)
         robot.x, robot.y, robot.heading = settle(pose, robot.wanted, collides)

@@ -211,8 +211,9 @@ class Robot:
             if self.requests_left and name in self.request_names:
                 self.requests_left -= 1
                 self.requests.add(name)
-        if actions.say is not None and len(actions.say) <= SAY_LIMIT:
-            self.said = actions.say or None
+        # An empty text, like one that is too long, leaves what was said before in the same cycle.
+        if actions.say and len(actions.say) <= SAY_LIMIT:
+            self.said = actions.say
 
 
 def _usable(power: float) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from agent.cli import main
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import localize
 from agent.views.logfollower import LogFollower
 from agent.views.watching import screen, watch
@@ -59,7 +59,8 @@ def run(tmp_path_factory):
     (folder / "truth.csv").write_text("\n".join(truth) + "\n")
     readings = [crossing.readings for crossing in driven.crossings]
     write_beliefs(
-        folder / "localization.out", localize(readings, compute_ground_truth(lab, ANGLES, parameters)).beliefs
+        folder / "localization.out",
+        localize(readings, compute_expected_readings(lab, ANGLES, parameters)).beliefs,
     )
     return folder
 
@@ -164,7 +165,7 @@ def test_a_log_is_followed_line_by_line(run, tmp_path):
 def test_the_screen_fits_the_terminal(run, lab_name):
     follower = LogFollower(run / "run.jsonl")
     follower.poll()
-    truth = compute_ground_truth(read_lab(find_lab(lab_name)), ANGLES)
+    truth = compute_expected_readings(read_lab(find_lab(lab_name)), ANGLES)
     text = screen(follower.run, truth, width=80, height=24)
     assert len(text.splitlines()) < 24
     assert max(map(len, text.splitlines())) <= 80
@@ -249,7 +250,7 @@ def test_names_of_others_cannot_command_the_terminal(run):
     follower.poll()
     recorded = follower.run
     header = dataclasses.replace(recorded.header, robot_name="\x1b[2Jx\u202e" + "y" * 400, lab_name="a\nb")
-    truth = compute_ground_truth(read_lab(find_lab("standard")), ANGLES)
+    truth = compute_expected_readings(read_lab(find_lab("standard")), ANGLES)
     first, second = screen(dataclasses.replace(recorded, header=header), truth).splitlines()[:2]
     assert first.startswith("\ufffd[2Jx\ufffdyyy")
     assert "… in a\ufffdb: cycle" in first

@@ -112,7 +112,7 @@ def test_the_way_home_is_shown_as_a_share(quiet: Parameters) -> None:
     simulation = visit_both(quiet)
     robot = simulation.robots[0]
     there = robot.x - 3.0
-    assert score_after(simulation, returning_led=True) == 100, "the reward, and 100 for the display"
+    assert score_after(simulation, returning_led=True) in (99, 100), "less the reward, and the whole way"
     assert robot.state is RobotState.RETURNING
     simulation.step({1: Actions(left_motor=-0.15, right_motor=-0.15)})
     for _ in range(30):
@@ -173,7 +173,7 @@ def test_returning_to_where_one_is_costs_nothing(quiet: Parameters) -> None:
     lab = replace(NO_WALLS, targets=NO_WALLS.targets[:1])
     simulation = launched(lab, BEFORE_TARGETS, quiet, 0)
     simulation.step({1: Actions(visiting_led=True)})
-    assert score_after(simulation, visiting_led=False, returning_led=True) == 100
+    assert score_after(simulation, visiting_led=False, returning_led=True) == 0
     assert score_after(simulation) == 0
 
 

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ciberrato.viewer.simulator_log import load_simulator_log
 
 from ciberrato.errors import LabError
 from ciberrato.files.beliefs import write_beliefs
@@ -24,6 +23,7 @@ from ciberrato.labs import find_lab
 from ciberrato.viewer.cli import main
 from ciberrato.viewer.page_messages import AskBelief, AskFrames
 from ciberrato.viewer.recording import load_recording
+from ciberrato.viewer.simulator_log import load_simulator_log
 
 from .conftest import SECONDS
 

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.offline.summary import Cell, cell_name, normalized_entropy, peak
+from agent.offline.summary import cell_name, normalized_entropy, peak
 from agent.views.figures.canvas import (
     TRUE_COLOUR,
     draw_walls,
@@ -23,13 +22,13 @@ from agent.views.figures.canvas import (
     step_names,
 )
 from agent.views.figures.panelchoice import Choice, telling_blocks
+from ciberrato.arrays import Floats
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
-
-Array = NDArray[np.float64]
 
 
 def belief_panels(
-    beliefs: Array,
+    beliefs: Floats,
     path: str | os.PathLike[str],
     *,
     lab: Lab | None = None,
@@ -106,7 +105,7 @@ def probability_scale() -> Any:
 
 
 def draw_belief(
-    axis: Any, belief: Array, norm: Any, lab: Lab | None = None, truth: Cell | None = None
+    axis: Any, belief: Floats, norm: Any, lab: Lab | None = None, truth: Cell | None = None
 ) -> Any:
     """Draw one belief.
 
@@ -167,7 +166,7 @@ def ring_cell(axis: Any, cell: Cell) -> list[Any]:
     ]
 
 
-def _panel_title(name: str, belief: Array) -> str:
+def _panel_title(name: str, belief: Floats) -> str:
     if np.isnan(belief).any():
         return f"{name}: undefined (nan)"
     best = peak(belief)

@@ -8,16 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.offline.summary import Cell, normalized_entropy
+from agent.offline.summary import normalized_entropy
 from agent.views.figures.canvas import LINE_COLOURS, TRUE_COLOUR, new_figure, save_figure, set_step_axis
-
-Array = NDArray[np.float64]
+from ciberrato.arrays import Floats
+from ciberrato.world.coordinates import Cell
 
 
 def step_curves(
-    beliefs: Array, path: str | os.PathLike[str], *, true_cells: Sequence[Cell | None] | None = None
+    beliefs: Floats, path: str | os.PathLike[str], *, true_cells: Sequence[Cell | None] | None = None
 ) -> None:
     """Draw entropy and the greatest probability over the steps; that of the true cell where it is known.
 
@@ -62,7 +61,7 @@ def step_curves(
 
 
 def pose_error_curves(
-    times: Sequence[int], errors: Array, deviations: Array, path: str | os.PathLike[str]
+    times: Sequence[int], errors: Floats, deviations: Floats, path: str | os.PathLike[str]
 ) -> None:
     """Draw how far off the estimated pose was, with the filter's own standard deviations.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agent.offline.summary import Cell, cell_name
+from agent.offline.summary import cell_name
 from agent.views.figures.canvas import (
     LINE_COLOURS,
     draw_walls,
@@ -25,10 +25,11 @@ from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, ideal_reading
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.plaintext import plain
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 
 if TYPE_CHECKING:
-    from agent.offline.expected_readings import GroundTruth
+    from agent.offline.expected_readings import ExpectedReadings
 
 
 def wall_map(lab: Lab, path: str | os.PathLike[str]) -> None:
@@ -208,15 +209,15 @@ def draw_cone(axis: Any, start: tuple[float, float], direction: float, distance:
     return axis.add_patch(wedge)
 
 
-def ground_truth_maps(
-    lab: Lab, truth: GroundTruth, angles: Sequence[float], path: str | os.PathLike[str]
+def expected_readings_maps(
+    lab: Lab, expected: ExpectedReadings, angles: Sequence[float], path: str | os.PathLike[str]
 ) -> None:
     """Draw what each sensor should read in every cell: one map a sensor, the value in each cell.
 
     Parameters
     ----------
     lab : Lab
-    truth : GroundTruth
+    expected : ExpectedReadings
     angles : sequence of float
         Mounting angles in degrees.
     path : path-like
@@ -229,19 +230,19 @@ def ground_truth_maps(
     """
     from matplotlib.colors import LogNorm
 
-    rows, columns, sensors = truth.readings.shape
+    rows, columns, sensors = expected.readings.shape
     width = 7.0 if columns <= 16 else 12.0
     down = math.ceil(sensors / 2)
     figure = new_figure(2 * width + 1.2, down * (width * rows / columns + 0.6), layout="compressed")
     axes = figure.subplots(down, 2, squeeze=False)
-    low, high = max(float(truth.readings.min()), 0.02), min(float(truth.readings.max()), 10.0)
+    low, high = max(float(expected.readings.min()), 0.02), min(float(expected.readings.max()), 10.0)
     norm = LogNorm(low, high, clip=True)
     image = None
     for sensor, axis in enumerate(axes.flat):
         if sensor >= sensors:
             axis.set_axis_off()
             continue
-        values = truth.readings[..., sensor]
+        values = expected.readings[..., sensor]
         extent = (0, columns * CELL_SIZE, 0, rows * CELL_SIZE)
         image = axis.imshow(values, origin="lower", extent=extent, cmap="cividis", norm=norm)
         draw_walls(axis, lab)

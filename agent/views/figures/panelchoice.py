@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.offline.summary import Cell, peak
+from agent.offline.summary import peak
+from ciberrato.world.coordinates import Cell
 
 LEAST_CUT = 2
 """Fewer panels than this are not worth a note."""

@@ -3,3 +3,7 @@
 Each has `predict(belief, control) -> belief`. The result may hold less mass than the belief: what crossed an
 edge that loses it. `ciberrato.bayes.filtering.predict` normalizes and reports the loss.
 """
+
+import pkgutil
+
+__all__ = [module.name for module in pkgutil.iter_modules(__path__)]

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.world.lab import CELL_SIZE
-
-Floats = NDArray[np.float64]
 
 CLAIM_RADIUS = 0.5
 """Units: the probability of an estimate is that of all poses so near, and turned so little."""

@@ -27,7 +27,9 @@ function paintFrame(now) {
   const still = key !== null && key === drawn && !state.follow && !dirty.camera && !dirty.paint;
   drawn = key;
   if (!still) drawPicture(frame, list, passed);
-  if (now - clock.panels > PANEL_MILLISECONDS) {
+  // A new belief is in picture and panel at once.
+  if (dirty.panels || now - clock.panels > PANEL_MILLISECONDS) {
+    dirty.panels = false;
     clock.panels = now;
     updatePanels(frame, performance.now());
   }

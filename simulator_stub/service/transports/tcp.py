@@ -57,6 +57,7 @@ class TcpTransport(Transport):
         if len(self._connections) >= CONNECTION_LIMIT:
             connection.close()
             return
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         assert self._readiness is not None
         peer = TcpPeer(self._readiness, self._connections, connection, f"tcp {address[0]}:{address[1]}")
         newcomer = TcpNewcomer(peer)
@@ -102,7 +103,6 @@ class TcpPeer(Peer):
         self._incoming = bytearray()
         self._outgoing = bytearray()
         connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connections.add(self)
         readiness.watch(connection, self._ready)
 

@@ -9,8 +9,11 @@ from __future__ import annotations
 import contextlib
 import socket
 
+from ciberrato.protocol import encode
+from ciberrato.protocol.binary import decode_binary_registration, is_binary_registration
 from simulator_stub.service.readiness import Readiness
 from simulator_stub.service.transports.base import Newcomer, Peer, Transport, Welcome
+from simulator_stub.service.transports.binary import BinaryNewcomer
 
 READ_SIZE = 2048
 """Bytes read of a datagram: more than any message may have, so that one too long can be told."""
@@ -48,7 +51,11 @@ class UdpTransport(Transport):
             data, address = self._socket.recvfrom(READ_SIZE)
         except OSError:  # nothing there after all, or an answer that could not be delivered
             return
-        self._welcome(UdpNewcomer(self, address), data)
+        newcomer = UdpNewcomer(self, address)
+        if is_binary_registration(data):
+            self._welcome(BinaryNewcomer(newcomer), encode(decode_binary_registration(data)))
+        else:
+            self._welcome(newcomer, data)
 
     def connect(self, address: Address) -> UdpPeer:
         """Open a socket of its own for a client."""
