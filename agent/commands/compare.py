@@ -38,6 +38,9 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
         lab = None if options.map is None else read_lab_file(options.map)[0]
         if lab is not None:
             check_size(first.shape, lab)
-        difference_panels(comparison, options.png, lab=lab)
+        names = (options.first.name, options.second.name)
+        if names[0] == names[1]:
+            names = (str(options.first), str(options.second))
+        difference_panels(comparison, options.png, lab=lab, names=names)
         print(f"figure: {options.png}")
     return 0

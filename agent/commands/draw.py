@@ -51,6 +51,7 @@ def make_parser() -> OptionParser:
     add("--beliefs", type=Path, metavar="FILE", help="belief file, localization.out")
     add("--run", type=Path, metavar="FILE", help="the run's log, run.jsonl")
     add("--truth", type=Path, metavar="FILE", help="the simulator's true poses, CSV")
+    add("--every-step", action="store_true", help="beliefs: cut no tail of certain steps")
     return parser
 
 
@@ -90,7 +91,9 @@ def _draw_beliefs(options: argparse.Namespace, lab: Lab) -> None:
     beliefs = read_beliefs(_needed(options, "beliefs"))[-1].beliefs
     check_size(beliefs.shape, lab)
     cells = _true_cells(options, len(beliefs))
-    belief_panels(beliefs, options.output, lab=lab, true_cells=cells, title=lab.name)
+    belief_panels(
+        beliefs, options.output, lab=lab, true_cells=cells, title=lab.name, every_step=options.every_step
+    )
 
 
 def _draw_curves(options: argparse.Namespace, lab: Lab) -> None:

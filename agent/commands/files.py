@@ -78,3 +78,26 @@ def check_size(shape: tuple[int, ...], lab: Lab) -> None:
             f"the beliefs have {shape[1]} x {shape[2]} cells, but the lab {lab.name!r} has {lab.rows} x "
             f"{lab.columns}: give the lab of that run (-m)"
         )
+
+
+def named_lab(name: str | None, log: Path) -> Lab:
+    """Read the lab of a log that does not hold its lab.
+
+    Parameters
+    ----------
+    name : str or None
+        As the user gave it.
+    log : Path
+
+    Returns
+    -------
+    Lab
+
+    Raises
+    ------
+    UsageError
+        If none was given, or there is no such lab.
+    """
+    if name is None:
+        raise UsageError(f"-m LAB is needed: {log} does not hold its lab, as a simulator's log does")
+    return read_lab_file(name)[0]

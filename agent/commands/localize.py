@@ -7,9 +7,8 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agent.commands import option_types
 from agent.commands.files import check_output, read_lab_file
-from agent.commands.parser import PRESETS, OptionParser, add_output, add_precision
+from agent.commands.parser import PRESETS, OptionParser, add_output, add_precision, add_replay
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
@@ -103,19 +102,7 @@ def make_parser() -> OptionParser:
     add_output(parser)
     add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
     add_precision(parser, default=None)
-    add(
-        "--angles",
-        type=option_types.angles,
-        default=(0.0, 90.0, -90.0, 180.0),
-        metavar="A,B,C,D",
-        help="of the IR sensors, where a simulator's log does not tell; default: 0,90,-90,180",
-    )
-    add(
-        "--robot",
-        type=option_types.count,
-        metavar="N",
-        help="which one of a simulator's log; default: the first",
-    )
+    add_replay(parser)
     add("--animate", type=Path, metavar="FILE", help="draw the run as a moving picture: .gif, .html, .mp4")
     add("--quiet", action="store_true", help="no table")
     return parser

@@ -62,3 +62,25 @@ def add_precision(parser: argparse.ArgumentParser, default: int | None) -> None:
     shown = "that of the run" if default is None else default
     text = f"decimals, 2 to 17; default: {shown}"
     parser.add_argument("--precision", type=option_types.precision, default=default, metavar="N", help=text)
+
+
+def add_replay(parser: argparse.ArgumentParser) -> None:
+    """Add ``--angles`` and ``--robot``: what a simulator's log does not tell, and whose run of it is meant.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
+    parser.add_argument(
+        "--angles",
+        type=option_types.angles,
+        default=(0.0, 90.0, -90.0, 180.0),
+        metavar="A,B,C,D",
+        help="of the IR sensors, where a simulator's log does not tell; default: 0,90,-90,180",
+    )
+    parser.add_argument(
+        "--robot",
+        type=option_types.count,
+        metavar="N",
+        help="which one of a simulator's log; default: the first",
+    )

@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, TextIO
 
 from agent.offline.localization import expected_readings_of, localize_run
 from agent.offline.summary import heat_map, step_table
-from agent.views.logfollower import LogFollower, follow
+from agent.views.logfollower import Follower, LogFollower, SimulatorLogFollower, follow
 from ciberrato.files.run_records import Cycle, RecordedRun
+from ciberrato.plaintext import plain
 
 if TYPE_CHECKING:
     from agent.offline.expected_readings import ExpectedReadings
+    from ciberrato.world.coordinates import PoseInDegrees
     from ciberrato.world.lab import Lab
 
 INTERVAL = 0.2
@@ -25,10 +27,11 @@ INTERVAL = 0.2
 
 _CLEAR_ALL, _HOME, _CLEAR_LINE, _CLEAR_BELOW = "\x1b[2J", "\x1b[H", "\x1b[K", "\x1b[J"
 _TABLE_ROWS = 5
+_MOST_NAME = 24
 
 
 def watch(
-    path: Path,
+    path: Path | SimulatorLogFollower,
     lab: Lab,
     *,
     out: TextIO | None = None,
@@ -41,8 +44,8 @@ def watch(
 
     Parameters
     ----------
-    path : Path
-        The agent's log; it need not exist yet.
+    path : Path or SimulatorLogFollower
+        The agent's log, which need not exist yet; or a simulator's.
     lab : Lab
         Of the run.
     out : text stream
@@ -63,9 +66,9 @@ def watch(
     """
     out = sys.stdout if out is None else out
     if once:
-        follower = LogFollower(path)
-        follower.poll()
-        print(_screen_of(follower, lab, None, colour)[0], file=out)
+        once_only = LogFollower(path) if isinstance(path, Path) else path
+        once_only.poll()
+        print(_screen_of(once_only, lab, None, colour)[0], file=out)
         return
     print(_CLEAR_ALL, end="", file=out, flush=True)
     expected: ExpectedReadings | None = None
@@ -77,12 +80,18 @@ def watch(
 
 
 def _screen_of(
-    follower: LogFollower, lab: Lab, expected: ExpectedReadings | None, colour: bool
+    follower: Follower, lab: Lab, expected: ExpectedReadings | None, colour: bool
 ) -> tuple[str, ExpectedReadings | None]:
     if follower.header is not None and expected is None:
         expected = expected_readings_of(follower.header, lab)
     size = shutil.get_terminal_size()
-    return screen(follower.run, expected, width=size.columns, height=size.lines, colour=colour), expected
+    pose = None
+    if isinstance(follower, SimulatorLogFollower) and follower.run.cycles:
+        pose = follower.poses.get(follower.run.cycles[-1].time)
+    shown = screen(
+        follower.run, expected, width=size.columns, height=size.lines, colour=colour, true_pose=pose
+    )
+    return shown, expected
 
 
 def screen(
@@ -92,6 +101,7 @@ def screen(
     width: int = 80,
     height: int = 24,
     colour: bool = False,
+    true_pose: PoseInDegrees | None = None,
 ) -> str:
     """Say on one screen what the agent is doing and where it believes to be.
 
@@ -103,6 +113,8 @@ def screen(
     width, height : int
         Of the terminal.
     colour : bool
+    true_pose : (x, y, heading) or None
+        Where the robot really is, units and degrees, if the log tells.
 
     Returns
     -------
@@ -113,9 +125,10 @@ def screen(
         return "waiting for the log of a run"
     header, last = run.header, run.cycles[-1]
     button = "running" if last.start else "stopped" if last.stop else "finished"
+    name = plain(header.robot_name, _MOST_NAME) or "robot"
     limit = f" of {header.parameters.sim_time}" if header.parameters.sim_time else ""
     lines = [
-        f"{header.robot_name or 'robot'} in {header.lab_name}: cycle {last.time}{limit}, {last.phase}, "
+        f"{name} in {plain(header.lab_name, _MOST_NAME)}: cycle {last.time}{limit}, {last.phase}, "
         f"simulator {button}{', COLLISION' if last.collision else ''}",
         "IR "
         + "  ".join(
@@ -124,7 +137,8 @@ def screen(
         )
         + f"   compass {'-' if last.compass is None else f'{last.compass:g}'}"
         + f"   motors {'-' if last.command is None else '{:g} {:g}'.format(*last.command)}",
-        _pose_line(last),
+        _pose_line(last)
+        + ("" if true_pose is None else "   true pose ({:.2f}, {:.2f}) {:.1f}°".format(*true_pose)),
         "",
     ]
     found = localize_run(run, expected)

@@ -368,7 +368,7 @@ def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
     axes.annotate("start", found.path[0], xytext=(0, -16), textcoords="offset points", ha="center")
     axes.annotate("end", found.path[-1], xytext=(0, -16), textcoords="offset points", ha="center")
     set_lab_axes(axes, lab.width, lab.height)
-    axes.set_title(f"{found.name}: where the robot really drove (units)")
+    axes.set_title(f"{found.name}: where the robot really drove")
     panels = list(below.subplots(rows, 4, squeeze=False).flat)
     norm, nothing = probability_scale(), np.full((lab.rows, lab.columns), np.nan)
     for axis in panels:
@@ -382,6 +382,7 @@ def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
             axis.set_axis_on()
             axis.set_xticks([])
             axis.set_yticks([])
+            axis.set(xlabel="", ylabel="")
     left = len(found.moments) - len(moments)
     more = f"; {left} later blocks are not shown" if left else ""
     below.suptitle(

@@ -20,6 +20,7 @@ from xml.parsers import expat
 from xml.parsers.expat import errors as expat_errors
 
 from ciberrato.errors import LabError, ProtocolError, UsageError
+from ciberrato.files.log_kind import GZIP_MAGIC
 from ciberrato.protocol import Actions, Measures, decode_parameters
 from ciberrato.protocol.lab_text import grid_from_element, lab_from_element
 from ciberrato.protocol.measures_text import measures_from_element
@@ -146,7 +147,7 @@ class SimulatorLog:
 
 
 def read_simulator_log(path: str | Path) -> SimulatorLog:
-    """Read a whole log; one whose name ends in ``.gz`` is unpacked.
+    """Read a whole log; one that is packed with gzip is unpacked.
 
     Parameters
     ----------
@@ -227,7 +228,9 @@ def _pieces(path: str | Path) -> Iterator[bytes]:
 
 
 def _open(path: str | Path) -> BinaryIO:
-    if str(path).endswith(".gz"):
+    with open(path, "rb") as file:
+        packed = file.read(2) == GZIP_MAGIC
+    if packed:
         return gzip.open(path)  # type: ignore[return-value]  # reads like one
     return open(path, "rb")
 

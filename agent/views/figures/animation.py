@@ -14,7 +14,7 @@ import numpy as np
 
 from agent.offline.summary import cell_name, normalized_entropy, peak
 from agent.offline.track import estimated_track
-from agent.views.figures.beliefs import draw_belief, probability_scale
+from agent.views.figures.beliefs import draw_belief, probability_scale, ring_cell
 from agent.views.figures.canvas import LINE_COLOURS, new_figure
 from agent.views.figures.conepoint import nearest_point, sensor_point
 from agent.views.figures.labmaps import draw_cone, draw_robot
@@ -24,7 +24,7 @@ from ciberrato.files.atomic import replace_file
 from ciberrato.files.run_records import RecordedRun
 from ciberrato.geometry.walls import WallMap
 from ciberrato.world.coordinates import PoseInDegrees
-from ciberrato.world.lab import Lab
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 KINDS = (".gif", ".mp4", ".html")
 
@@ -126,7 +126,7 @@ class _Scene:
         self._run, self._beliefs, self._truth = run, beliefs, truth
         self._walls = WallMap.from_lab(lab)
         self._track = estimated_track(run, beliefs)
-        self.figure = new_figure(10.0, 10.0 * lab.height / lab.width + 0.7)
+        self.figure = new_figure(10.0, 8.6 * lab.height / lab.width + 0.9)
         self._axis = self.figure.subplots()
         self._image = draw_belief(self._axis, beliefs[0], probability_scale(), lab)
         bar = self.figure.colorbar(self._image, ax=self._axis, shrink=0.8, fraction=0.03, pad=0.01)
@@ -162,6 +162,7 @@ class _Scene:
         pose = self._pose(index)
         if pose is not None:
             self._draw_robot(*pose)
+        self._ring_truth(index)
         self._title.set_text(f"cycle {cycle.time:4d}   {self._text(index, belief)}")
         return [self._image, self._title, *self._moving]
 
@@ -172,6 +173,15 @@ class _Scene:
             return None
         x, y, heading = self._track[index]
         return float(x), float(y), float(heading)
+
+    def _ring_truth(self, index: int) -> None:
+        """Ring the true cell at the moment of the belief: the robot is on its way from there."""
+        step = int(self._step[index])
+        if self._truth is None or step < 0:
+            return
+        pose = self._truth.get(self._run.steps[step].time)
+        if pose is not None:
+            self._moving += ring_cell(self._axis, (int(pose[1] // CELL_SIZE), int(pose[0] // CELL_SIZE)))
 
     def _draw_robot(self, x: float, y: float, heading: float) -> None:
         self._moving += draw_robot(self._axis, x, y, math.radians(heading))
@@ -187,7 +197,8 @@ class _Scene:
 
     def _text(self, index: int, belief: Floats) -> str:
         step = int(self._step[index])
-        name = "prior     " if step < 0 else f"step {step:<5d}"
+        at = "" if step < 0 else f" (cycle {self._run.steps[step].time})"
+        name = f"{'prior' if step < 0 else f'belief of step {step}{at}':30}"
         if np.isnan(belief).any():
             return f"{name} undefined"
         best = peak(belief)
