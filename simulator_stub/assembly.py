@@ -18,6 +18,7 @@ from ciberrato.labs import find_grid, find_lab, find_parameters
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
+from simulator_stub.options import DEFAULT_ANSWER_LIMIT
 from simulator_stub.recording.log import LogFile
 from simulator_stub.recording.observer import Observer
 from simulator_stub.recording.reference_files import ReferenceFiles
@@ -90,7 +91,10 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     runs = Runs(session, results, seed=seed, count=options.runs or int(options.exit_at_end))
     print_line(f"seed {seed}")
     _announce(transports, options.bind, print_line)
-    return Server(session, transports, _pace(options, session, parameters, notify), runs.go_on)
+    pace = _pace(options, session, parameters, notify)
+    if isinstance(pace, Lockstep):
+        results.answers = pace.counts
+    return Server(session, transports, pace, runs.go_on)
 
 
 def read_world(options: argparse.Namespace, notify: Print) -> tuple[Lab, StartGrid, Parameters]:
@@ -150,5 +154,7 @@ def _announce(transports: list[Transport], host: str, print_line: Print) -> None
 def _pace(options: argparse.Namespace, session: Session, parameters: Parameters, notify: Print) -> Pace:
     period = parameters.cycle_time / 1000.0 / options.speed
     if options.lockstep:
-        return Lockstep(session, period, limit=options.answer_limit, notify=notify)
+        limit = DEFAULT_ANSWER_LIMIT if options.answer_limit is None else options.answer_limit
+        adaptive = options.answer_limit is None
+        return Lockstep(session, period, limit=limit, adaptive=adaptive, notify=notify)
     return RealTime(session, period)

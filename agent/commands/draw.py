@@ -124,7 +124,7 @@ def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
         turned = math.degrees(short_turn(math.radians((cycle.heading or 0.0) - heading)))
         along, lateral = cycle.displacement or 0.0, cycle.lateral or 0.0
         rows.append((along - (x - start[0]), lateral - (y - start[1]), turned))
-    deviations = np.array([cycle.spread for cycle in cycles])
+    deviations = np.array([cycle.spread or (0.0, 0.0, 0.0) for cycle in cycles])
     pose_error_curves([cycle.time for cycle in cycles], np.array(rows), deviations, options.output)
 
 

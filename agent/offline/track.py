@@ -33,7 +33,11 @@ def estimated_track(run: RecordedRun, beliefs: Floats) -> Floats | None:
     row, column = peak(beliefs[-1]).cells[0]
     start_x = (column - steps[-1].index + 0.5) * CELL_SIZE
     start_y = (row + 0.5) * CELL_SIZE
-    way = [(cycle.displacement, cycle.lateral, cycle.heading) for cycle in run.cycles]
-    if any(None in row for row in way):
+    if any(cycle.displacement is None for cycle in run.cycles):
         return None
-    return np.add(np.array(way, np.float64), (start_x, start_y, 0.0))
+    return np.array(
+        [
+            (start_x + (cycle.displacement or 0.0), start_y + (cycle.lateral or 0.0), cycle.heading or 0.0)
+            for cycle in run.cycles
+        ]
+    )

@@ -37,6 +37,8 @@ class Results(Observer):
         Of the run that is going on; None if it has none of its own, as after a Reset.
     runs : list of dict
         The runs so far, as they are in the result file.
+    answers : callable or None
+        Tells by a robot's id how it answered, in lockstep.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class Results(Observer):
     def __init__(self, *, seed: int, scoring: int, path: Path | None, notify: Callable[[str], None]) -> None:
         self.seed: int | None = seed
         self.runs: list[dict[str, Any]] = []
+        self.answers: Callable[[int], dict[str, int]] | None = None
         self._scoring = scoring
         self._path = path
         self._notify = notify
@@ -60,6 +63,9 @@ class Results(Observer):
                 "seed": self.seed,
                 "scoring": self._scoring,
             }
+            if self.answers is not None:
+                for robot in run["robots"]:
+                    robot["lockstep"] = self.answers(robot["id"])
             self.runs.append(run)
             self._save()
             for line in summary(run):

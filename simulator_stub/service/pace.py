@@ -25,13 +25,24 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+from simulator_stub.service.answers import TALKATIVE
+from simulator_stub.service.client_process import Activity, watch_client
 from simulator_stub.service.clients import RobotClient
 from simulator_stub.service.session import Session
 from simulator_stub.world.robot_state import RobotState
 from simulator_stub.world.simulator_state import SimulatorState
 
-SETTLE = 0.002
-"""Seconds that a message which does not look complete is given for what follows it."""
+INSTANT = 1e-6
+"""Seconds that are not worth waiting for."""
+
+LOOKS = 12
+"""How often in a row a client's process is looked at: the way from its answer back to waiting is short."""
+
+LOOK_AGAIN = 0.001
+"""Seconds until it is looked at again."""
+
+STRIKES = 3
+"""How often in a row the threads of a client may be found at work until they are no longer looked at."""
 
 IDLE_LIMIT = 0.5
 """Seconds that a robot is waited for at the most while the simulator does not run."""
@@ -115,8 +126,11 @@ class Lockstep(Pace):
         As in `Pace`.
     limit : float
         Seconds that a robot is waited for; infinite for ever.
+    adaptive : bool
+        Whether a robot that leaves Measures unanswered is waited for a few of its own answer times only,
+        unless it is known to be at work.
     notify : callable
-        Told when a robot is no longer waited for.
+        Told when a robot is no longer waited for, and once for each robot what is ambiguous in its answers.
     """
 
     def __init__(
@@ -125,19 +139,38 @@ class Lockstep(Pace):
         period: float,
         *,
         limit: float,
+        adaptive: bool = True,
         notify: Callable[[str], None] = lambda line: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(session, period, clock=clock)
         self.limit = limit
+        self._adaptive = adaptive
         self._notify = notify
+        self._real_period = session.simulation.world.parameters.cycle_time / 1000.0
+        self._sent = clock()
+        self._poll: Poll | None = None
+        self._certain = False
+        self._known: dict[int, RobotClient] = {}
+        session.before_measures = self._before_measures
+
+    def counts(self, robot_id: int) -> dict[str, int]:
+        """Return what the result file says of a robot's answers (`Answers.counts`)."""
+        return self.session.robots[robot_id].answers.counts()
 
     def wait(self, poll: Poll) -> bool:
         """Wait for the robots' answers, or for the next tick if there is nobody to wait for."""
+        self._poll = poll
+        if self._known != self.session.robots:
+            self._meet()
         awaited = self._awaited()
         running = self.session.simulation.state is SimulatorState.RUNNING
         if not awaited:
             return self._wait_until_due(poll)
+        if not self._certain:
+            for client in awaited:
+                if client.answers.process is not None:
+                    client.answers.process.after_message()
         spins_if_unchecked = not running and not self.session.start_is_due
         if spins_if_unchecked and not self._wait_until_due(poll):
             return False
@@ -146,40 +179,166 @@ class Lockstep(Pace):
         self._due = self._clock()
         return going_on
 
+    def _meet(self) -> None:
+        for robot_id, client in self.session.robots.items():
+            if self._known.get(robot_id) is not client and client.peer.ends is not None:
+                client.answers.process = watch_client(*client.peer.ends)
+        self._known = dict(self.session.robots)
+
+    def _before_measures(self) -> None:
+        """Take what has come while the cycle was computed: no answer to the Measures that go out now."""
+        running = self.session.simulation.state is SimulatorState.RUNNING
+        if self._poll is None or self._certain or not running:
+            self._sent = self._clock()
+            return
+        clients = self.session.robots.values()
+        for client in clients:
+            client.commands = 0
+            if client.answers.process is not None:
+                client.answers.process.before_message()
+        self._poll(0.0)
+        for client in clients:
+            if client.commands:
+                answers = client.answers
+                if answers.late == 0:
+                    self._tell(
+                        client, "came after its cycle: it counts until the answer to the next Measures"
+                    )
+                answers.late += client.commands
+                answers.talkative = TALKATIVE
+                client.commands = 0
+        self._sent = self._clock()
+
     def _wait_for_answers(self, poll: Poll, awaited: list[RobotClient], *, running: bool) -> bool:
-        limit = self.limit if running else min(self.limit, IDLE_LIMIT)
-        deadline = self._clock() + limit
+        began = self._sent if running else self._clock()
+        for client in awaited:
+            client.answers.answered_at = None
         # Look at least once, so that registrations, views and signals are noticed in any case.
-        wait = 0.0 if _all_answered(awaited) else min(limit, 1.0)
+        wait = 0.0
         while True:
             if not poll(wait):
                 return False
-            if _all_answered(awaited):
-                return self._wait_for_the_rest(poll, awaited)
-            if not running and self.session.registrations_waiting:
+            now = self._clock()
+            wait = 0.0
+            for client in awaited:
+                answers = client.answers
+                if client.answered and (answers.answered_at is None or client.arrived != answers.arrived):
+                    answers.arrived = client.arrived
+                    answers.take(now - began if running else None, now)
+                if not client.answered and not client.peer.closed:
+                    wait = max(wait, self._until_given_up(client, began, now, running=running))
+            if wait < INSTANT:
+                wait = 0.0
+                self._certain = len(awaited) == len(self.session.robots)
+                # Whether every client is known to rest: then nothing can come before it gets its Measures.
+                # Only now: clients may share a process that has still to answer for others.
+                for client in awaited:
+                    if client.answered:
+                        wait = max(wait, self._until_complete(client, now))
+            if wait < INSTANT:
+                wait = 0.0
+                before = sum(client.arrived for client in awaited)
+                for client in awaited:
+                    client.peer.acknowledge()
+                if not poll(0.0):
+                    return False
+                if before == sum(client.arrived for client in awaited) or now - began > self.limit:
+                    break
+            elif not running and self.session.registrations_waiting and not _all_answered(awaited):
                 return True
-            left = deadline - self._clock()
-            if left <= 0.0:
-                self._give_up(awaited)
-                return True
-            wait = min(left, 1.0)
-
-    def _wait_for_the_rest(self, poll: Poll, awaited: list[RobotClient]) -> bool:
-        arrived = -1
-        while not all(client.complete for client in awaited):
-            before, arrived = arrived, sum(len(client.messages) for client in awaited)
-            if arrived == before:
-                break
-            if not poll(SETTLE):
-                return False
+        self._take_stock(awaited, began, now, running=running)
         return True
 
-    def _give_up(self, awaited: list[RobotClient]) -> None:
+    def _until_complete(self, client: RobotClient, now: float) -> float:
+        """Compute for how long to wait on for what else belongs to an answer."""
+        answers = client.answers
+        process = answers.process
+        assert answers.answered_at is not None
+        left = answers.answered_at + self._real_period - now
+        if process is None:
+            self._certain = False
+            likely = client.braked or not client.complete
+            quiet = answers.settle(companion_likely=likely, longest=0.5 * self._real_period)
+            return max(0.0, min(left, answers.arrived_at + quiet - now)) if quiet else 0.0
+        for _ in range(LOOKS):
+            activity = process.activity()
+            if activity is Activity.RESTS:
+                answers.strikes = 0
+                return 0.0
+            if activity is Activity.DOZES:
+                break
+        self._certain = False
+        if process.gone:
+            answers.process = None
+            return 0.0
+        if activity is Activity.WORKS and process.truthful:
+            left = answers.answered_at + self.limit - now
+        if left > 0.0:
+            return min(left, LOOK_AGAIN)
+        answers.strikes += 1
+        if answers.strikes >= STRIKES and not process.truthful:
+            # Some other thread never rests: then only time tells.
+            answers.process = None
+        return 0.0
+
+    def _until_given_up(self, client: RobotClient, began: float, now: float, *, running: bool) -> float:
+        """Compute for how long to wait on for the first message of an answer."""
+        answers = client.answers
+        passed = now - began
+        if not running:
+            return max(0.0, min(self.limit, IDLE_LIMIT) - passed)
+        left = self.limit - passed
+        if not self._adaptive:
+            return min(max(0.0, left), 1.0)
+        patience = answers.patience(self._real_period)
+        if passed < patience:
+            return min(left, patience - passed, 1.0)
+        process = answers.process
+        if process is None or process.gone:
+            return 0.0
+        if process.activity(all_threads=True) is Activity.RESTS and process.has_read_all():
+            return 0.0
+        if process.truthful and process.activity() is Activity.WORKS:
+            # At work: waited for as long as any robot.
+            return max(0.0, min(left, patience))
+        return max(0.0, min(left, self._real_period - passed, patience))
+
+    def _take_stock(self, awaited: list[RobotClient], began: float, now: float, *, running: bool) -> None:
         for client in awaited:
-            if not client.answered and not client.peer.closed:
-                client.silent = True
-                if self.session.simulation.state is SimulatorState.RUNNING:
-                    self._notify(f"robot {client.robot_id} is silent and not waited for until it answers")
+            answers = client.answers
+            commands, client.commands = client.commands, 0
+            if client.answered:
+                answers.in_doubt = False
+                if running and answers.finish(commands) and answers.several == commands - 1:
+                    self._tell(client, "was not the only one in answer to its Measures: the last one counts")
+            elif not client.peer.closed:
+                self._give_up(client, now - began, running=running)
+
+    def _give_up(self, client: RobotClient, waited: float, *, running: bool) -> None:
+        answers = client.answers
+        gone = answers.process is not None and answers.process.gone
+        answers.waited += waited
+        answers.in_doubt = True
+        if running:
+            answers.unanswered += 1
+        if not (running and self._adaptive) or gone or answers.waited >= self.limit:
+            client.silent = True
+            if running:
+                why = "has ended" if gone else "is silent and not waited for until it answers"
+                self._notify(f"robot {client.robot_id} {why}")
+        elif answers.unanswered == 1:
+            time = self.session.simulation.time
+            self._notify(
+                f"robot {client.robot_id} left the Measures of time {time} unanswered: its last command "
+                "stays (told once; --result has the count)"
+            )
+
+    def _tell(self, client: RobotClient, what: str) -> None:
+        time = self.session.simulation.time
+        self._notify(
+            f"robot {client.robot_id}: at time {time} a motor command {what} "
+            "(told once; --result has the count)"
+        )
 
     def _awaited(self) -> list[RobotClient]:
         clients = self.session.robots

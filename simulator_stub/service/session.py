@@ -77,6 +77,9 @@ class Session:
         By id, in order.
     views : list of ViewClient
         In order of their registration.
+    before_measures : callable
+        Called when a cycle is computed, and its Measures are about to go out: what has arrived by then
+        does not answer them.
     """
 
     def __init__(
@@ -93,6 +96,7 @@ class Session:
         self._kidnapper = kidnapper
         self.robots: dict[int, RobotClient] = {}
         self.views: list[ViewClient] = []
+        self.before_measures: Callable[[], None] = _nothing
         self._panels: list[Peer] = []
         self._complaints = 0
         self._autostart = autostart
@@ -142,10 +146,10 @@ class Session:
         measured = simulation.advance()
         for observer in self.observers:
             observer.cycle_done(simulation)
+        self.before_measures()
         for robot_id, measures in measured.items():
             client = self.robots[robot_id]
-            # What could not be read yet counts as an answer to these Measures.
-            client.answered = bool(client.messages)
+            client.answered = False
             client.peer.send(encode(measures))
         if self.views:
             statuses = [encode(status) for status in simulation.statuses()]
@@ -306,3 +310,7 @@ class Session:
         self._end_world()
         for observer in self.observers:
             observer.close()
+
+
+def _nothing() -> None:
+    """Have nothing to do before Measures go out."""

@@ -225,6 +225,18 @@ def test_what_an_estimate_says(small_lab, localizer):
     assert estimate.entropy == pytest.approx(-(weights * np.log2(weights)).sum(), abs=1e-3)
 
 
+def test_where_readings_come_late_all_poses_are_those_of_now(small_lab, tables):
+    parameters = dataclasses.replace(PARAMETERS, obstacle_latency=4, compass_latency=4)
+    localizer = PoseFilter(small_lab, parameters, ANGLES, tables=tables, wait=True)
+    client = Client(small_lab, parameters=parameters)
+    found = run(client, localizer, 150)
+    sure = [estimate for estimate in found[100:] if estimate.certain]
+    assert len(sure) > 40
+    # In four cycles the robot drives up to 0.4 units.
+    away = [math.hypot(one.x - one.modes[0].x, one.y - one.modes[0].y) for one in sure]
+    assert max(away) < 0.2
+
+
 def test_a_message_that_comes_late_changes_nothing(small_lab, localizer):
     client = Client(small_lab)
     run(client, localizer, 20)

@@ -139,8 +139,14 @@ class GridFilter:
         return self._estimate
 
     def modes(self) -> list[PoseEstimate]:
-        """Return all poses that the belief is gathered around; the most probable state's first."""
-        return modes(self.belief)
+        """Return all poses at the last message that the belief is gathered around.
+
+        Returns
+        -------
+        list of PoseEstimate
+            The most probable state's first.
+        """
+        return [self.alignment.carry_on(mode) for mode in modes(self.belief)]
 
     # --- what happens -----------------------------------------------------------------------------------
 

@@ -22,6 +22,9 @@ BACKLOG_LIMIT = 1 << 20
 CONNECTION_LIMIT = 512
 """Connections at a time; further ones are closed at once."""
 
+_QUICK_ACKNOWLEDGEMENT: int | None = getattr(socket, "TCP_QUICKACK", None)
+"""Linux's option; it holds until data are sent or received again."""
+
 
 class TcpTransport(Transport):
     """The listening socket and its connections."""
@@ -103,6 +106,8 @@ class TcpPeer(Peer):
         self._incoming = bytearray()
         self._outgoing = bytearray()
         connection.setblocking(False)
+        with contextlib.suppress(OSError):  # it may have gone already
+            self.ends = ("tcp", connection.getpeername(), connection.getsockname())
         connections.add(self)
         readiness.watch(connection, self._ready)
 
@@ -153,6 +158,17 @@ class TcpPeer(Peer):
         self._outgoing += data
         if len(self._outgoing) > BACKLOG_LIMIT:
             self._drop()
+
+    def acknowledge(self) -> None:
+        """Acknowledge at once what has come.
+
+        A client that has not set TCP_NODELAY holds a second short message back until the first one is
+        acknowledged (Nagle, RFC 896), which our system would do with the next Measures (delayed
+        acknowledgements, RFC 1122 4.2.3.2).
+        """
+        if _QUICK_ACKNOWLEDGEMENT is not None and not self.closed:
+            with contextlib.suppress(OSError):
+                self._socket.setsockopt(socket.IPPROTO_TCP, _QUICK_ACKNOWLEDGEMENT, 1)
 
     def _flush(self) -> None:
         try:
