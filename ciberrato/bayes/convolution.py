@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -103,6 +104,7 @@ def gaussian_kernel(mean: float, variance: float, *, tail: float = 1e-9) -> Kern
     return Kernel(nearest - len(weights) // 2, weights, 0.0, 0.0)
 
 
+@lru_cache(maxsize=64)
 def _sigmas_for(tail: float) -> float:
     low, high = 0.0, 40.0
     while high - low > 1e-6:
