@@ -20,13 +20,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ciberrato.bayes.arraytypes import FloatArray, IntArray
+from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 
 # Variances up to this many square cells are made of Selling's vectors.
 _SMALL = 0.5
 # A thin distribution along a slanting line needs long vectors; they may add this share of the second moment
 # to stay short.
 _THIN = 0.04
+_MOST_BASES = 8
 # Sigmas at which wide distributions are cut, if not told otherwise: they lose 1e-9 of their mass.
 _SIGMAS = 6.1
 
@@ -90,12 +91,11 @@ def lattice_kernels(
     """
     wide = np.maximum(covariance[:, 0, 0], covariance[:, 1, 1]) > _SMALL
     pieces = []
-    for k in np.flatnonzero(~wide):
-        made = _by_vectors(mean[k], covariance[k])
-        if made is None:
-            wide[k] = True
-        else:
-            pieces.append((np.full(len(made[1]), k), *made))
+    small = np.flatnonzero(~wide)
+    if len(small):
+        held, piece = _by_vectors(small, mean[small], covariance[small])
+        wide[small[~held]] = True
+        pieces.append(piece)
     chosen = np.flatnonzero(wide)
     if len(chosen):
         pieces += _by_lines(chosen, mean, covariance, reach, sigmas, cut)
@@ -106,76 +106,78 @@ def lattice_kernels(
     return LatticeKernels(kernel[kept], cells[kept], weights[kept])
 
 
-def _by_vectors(mean: FloatArray, covariance: FloatArray) -> tuple[IntArray, FloatArray] | None:
-    """Give cells and weights; None if three vectors cannot hold so much variance."""
-    x, y = float(mean[0]), float(mean[1])
-    nearest = round(x), round(y)
-    a, b = x - nearest[0], y - nearest[1]
-    moment = (float(covariance[0, 0]) + a * a, float(covariance[0, 1]) + a * b, float(covariance[1, 1]) + b * b)
-    cells, weights = [nearest], [1.0]
-    for (i, j), size, slant in zip(*_vectors(moment, (a, b)), strict=True):
-        weights[0] -= size
-        cells += [(nearest[0] + i, nearest[1] + j), (nearest[0] - i, nearest[1] - j)]
-        weights += [max(0.0, 0.5 * (size + slant)), max(0.0, 0.5 * (size - slant))]
-    if weights[0] < -1e-12:
-        return None
-    weights[0] = max(weights[0], 0.0)
-    return np.array(cells), np.array(weights)
+def _by_vectors(
+    some: IntArray, mean: FloatArray, covariance: FloatArray
+) -> tuple[BoolArray, tuple[IntArray, IntArray, FloatArray]]:
+    """Give which kernels three vectors can hold, and of these the kernel, cells and weight of each entry."""
+    nearest = np.rint(mean)
+    rest = mean - nearest
+    vectors, sizes, slants = _vectors(covariance + rest[:, :, np.newaxis] * rest[:, np.newaxis, :], rest)
+    still = 1.0 - sizes.sum(axis=1, keepdims=True)
+    held = still[:, 0] >= -1e-12
+    weights = np.concatenate([still, 0.5 * (sizes + slants), 0.5 * (sizes - slants)], axis=1)
+    steps = np.concatenate([np.zeros((len(some), 1, 2)), vectors, -vectors], axis=1)
+    cells = (nearest[:, np.newaxis] + steps)[held].astype(np.intp)
+    kernel = np.repeat(some[held], 7)
+    return held, (kernel, cells.reshape(-1, 2), np.maximum(weights[held], 0.0).ravel())
 
 
-def _vectors(
-    moment: tuple[float, float, float], mean: tuple[float, float]
-) -> tuple[list[tuple[int, int]], list[float], list[float]]:
-    """Give three integer vectors with lambda and g of each: of Selling's bases the one that adds least."""
-    xx, xy, yy = moment
-    # The vectors are the base's, turned by a quarter; the slanting one at first lies as the moment does.
-    base = [(-1, -1), (1, 0), (0, 1)] if xy < 0.0 else [(1, -1), (-1, 0), (0, 1)]
-    best: tuple[float, list[tuple[int, int]], list[float], list[float]] | None = None
-    for _ in range(8):
-        vectors = [(-q, p) for p, q in base]
-        sizes = []
-        for k in range(3):
-            (p, q), (r, s) = base[k - 2], base[k - 1]
-            sizes.append(-(xx * p * r + xy * (p * s + q * r) + yy * q * s))
-        cost, raised, slants = _raised(vectors, sizes, mean)
-        if best is None or cost < best[0] - 1e-12:
-            best = cost, vectors, raised, slants
-        least = min(sizes)
-        if cost <= _THIN * (xx + yy) or least >= 0.0:
+def _vectors(moment: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give three whole vectors, (n, 3, 2), with lambda and g of each, (n, 3): of Selling's bases the best.
+
+    Base and vectors are each other's turned by a quarter; the slanting one at first lies as the moment does.
+    """
+    count = len(mean)
+    side = np.where(moment[:, 0, 1] < 0.0, -1.0, 1.0)
+    base = np.zeros((count, 3, 2))
+    base[:, 0, 0], base[:, 0, 1], base[:, 1, 0], base[:, 2, 1] = side, -1.0, -side, 1.0
+    enough = _THIN * (moment[:, 0, 0] + moment[:, 1, 1])
+    best = np.full(count, np.inf)
+    chosen = np.zeros((count, 3, 2)), np.zeros((count, 3)), np.zeros((count, 3))
+    active = np.arange(count)
+    for _ in range(_MOST_BASES):
+        vectors = np.stack([-base[..., 1], base[..., 0]], axis=2)
+        after, last = np.roll(base, -1, axis=1), np.roll(base, -2, axis=1)
+        sizes = -np.einsum("nka,nab,nkb->nk", after, moment[active], last)
+        cost, raised, slants = _raised(vectors, sizes, mean[active])
+        better = cost < best[active] - 1e-12
+        best[active[better]] = cost[better]
+        for field, values in zip(chosen, (vectors, raised, slants), strict=True):
+            field[active[better]] = values[better]
+        goes_on = (cost > enough[active]) & (sizes.min(axis=1) < 0.0)
+        if not goes_on.any():
             break
         # Of the pair whose angle is most acute, turn one round.
-        k = sizes.index(least)
-        p, q = base[k - 2], base[k - 1]
-        base = [(-p[0], -p[1]), q, (p[0] - q[0], p[1] - q[1])]
-    assert best is not None
-    return best[1:]
+        rows, k = np.flatnonzero(goes_on), sizes[goes_on].argmin(axis=1)
+        p, q = after[rows, k], last[rows, k]
+        base, active = np.stack([-p, q, p - q], axis=1), active[goes_on]
+    return chosen
 
 
 def _raised(
-    vectors: list[tuple[int, int]], sizes: list[float], mean: tuple[float, float]
-) -> tuple[float, list[float], list[float]]:
-    """Give the variance that a base must add, its lambdas with that, and its g."""
-    (a, b), (c, d) = vectors[0], vectors[1]
-    whole = a * d - b * c  # 1 or -1
-    start = ((mean[0] * d - mean[1] * c) / whole, (mean[1] * a - mean[0] * b) / whole, 0.0)
+    vectors: FloatArray, sizes: FloatArray, mean: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give the variance that bases must add, (n,), their lambdas with that, and their g, (n, 3)."""
+    first, second = vectors[:, 0], vectors[:, 1]
+    whole = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]  # 1 or -1
+    start = np.zeros(sizes.shape)
+    start[:, 0] = (mean[:, 0] * second[:, 1] - mean[:, 1] * second[:, 0]) * whole
+    start[:, 1] = (mean[:, 1] * first[:, 0] - mean[:, 0] * first[:, 1]) * whole
     # The three vectors sum to nothing, so any one number may be added to all of g.
-    room = [max(s, 0.0) for s in sizes]
-    low = max(-room[k] - start[k] for k in range(3))
-    high = min(room[k] - start[k] for k in range(3))
-    shifts = [0.5 * (low + high)]
-    if low > high:
-        shifts = [sign * room[k] - start[k] for k in range(3) for sign in (-1.0, 1.0)]
-    lengths = [i * i + j * j for i, j in vectors]
-
-    def cost(shift: float) -> float:
-        return sum((max(s, abs(g + shift)) - s) * n for s, g, n in zip(sizes, start, lengths, strict=True))
-
+    room = np.maximum(sizes, 0.0)
+    low, high = (-room - start).max(axis=1), (room - start).min(axis=1)
+    lengths = np.square(vectors).sum(axis=2)
+    shifts = np.concatenate([-room - start, room - start], axis=1)
+    shifts[low <= high] = (0.5 * (low + high))[low <= high, np.newaxis]
+    reached = np.abs(start[:, np.newaxis] + shifts[:, :, np.newaxis])
+    excess = np.maximum(sizes[:, np.newaxis], reached) - sizes[:, np.newaxis]
+    costs = np.einsum("nsk,nk->ns", excess, lengths)
+    cost = costs.min(axis=1)
     # The cost is convex: of several best numbers the middle is as good, and treats all directions alike.
-    costs = [cost(shift) for shift in shifts]
-    equal = [shift for shift, c in zip(shifts, costs, strict=True) if c <= min(costs) + 1e-12]
-    shift = 0.5 * (min(equal) + max(equal))
-    slants = [g + shift for g in start]
-    return min(costs), [max(s, abs(g)) for s, g in zip(sizes, slants, strict=True)], slants
+    equal = costs <= cost[:, np.newaxis] + 1e-12
+    shift = 0.5 * (np.where(equal, shifts, np.inf).min(axis=1) + np.where(equal, shifts, -np.inf).max(axis=1))
+    slants = start + shift[:, np.newaxis]
+    return cost, np.maximum(sizes, np.abs(slants)), slants
 
 
 def _by_lines(

@@ -33,8 +33,9 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.angles import wrapped_normal
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
 from ciberrato.bayes.motion.displacements import Displacements, displacements
+from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.odometry_reading import OdometryNoise, OdometryReading, Prediction
-from ciberrato.bayes.motion.passes import PoseCarry, check_belief, check_motion, check_space
+from ciberrato.bayes.motion.passes import PoseCarry, check_motion, check_space
 from ciberrato.bayes.motion.turn_drive_turn import TurnDriveTurn
 from ciberrato.bayes.spaces import StateSpace
 

@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ciberrato.bayes.arraytypes import FloatArray, IntArray
+from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.convolution import gaussian_kernel
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
 from ciberrato.bayes.spaces import StateSpace
@@ -57,17 +57,6 @@ def check_space(space: StateSpace, what: str) -> None:
     """Raise ValueError unless the axes are x, y and a heading over a whole turn."""
     if len(space.axes) != 3 or not math.isclose(space.axes[2].length, 2.0 * math.pi):
         raise ValueError(f"{what} needs axes x, y, heading, the last over a whole turn")
-
-
-def check_belief(belief: ArrayLike, shape: Sequence[int] | None = None) -> FloatArray:
-    """Give a belief as an array; ValueError if it has another shape, or an entry that is no probability."""
-    values: FloatArray = np.asarray(belief, dtype=float)
-    if shape is not None and values.shape != tuple(shape):
-        raise ValueError(f"belief has shape {values.shape}, the space {tuple(shape)}")
-    # nan fails both comparisons.
-    if values.size and not (values.min() >= 0.0 and values.max() < math.inf):
-        raise ValueError("a belief must be finite and not negative")
-    return values
 
 
 def check_motion(
@@ -165,9 +154,7 @@ def ways(
     space: StateSpace, direction: FloatArray, way: ArrayLike, sigma: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
     """Give mean, (n, 2), and covariance, (n, 2, 2), in cells, of ways driven along directions."""
-    along = np.stack(
-        [np.cos(direction) / space.axes[0].cell, np.sin(direction) / space.axes[1].cell], axis=1
-    )
+    along = np.stack([np.cos(direction) / space.axes[0].cell, np.sin(direction) / space.axes[1].cell], axis=1)
     length, deviation = (np.asarray(v, dtype=float).reshape(-1, 1) for v in (way, sigma))
     spread_along = along * deviation
     return along * length, spread_along[:, :, np.newaxis] * spread_along[:, np.newaxis, :]
@@ -208,6 +195,7 @@ def move(
     weight: FloatArray,
     count: int,
     out: FloatArray | None = None,
+    inside: BoolArray | None = None,
 ) -> FloatArray:
     """Add up images that are moved by kernels, each from a source to a target.
 
@@ -225,6 +213,8 @@ def move(
         Number of images after.
     out : FloatArray, optional
         Where to write them.
+    inside : BoolArray, shape (x, y), optional
+        If given, nothing is lost: what would leave these cells or the grid stays in its cell.
 
     Returns
     -------
@@ -254,8 +244,14 @@ def move(
             if top < bottom and left < right:
                 product = scratch[: bottom - top, : right - left]
                 np.multiply(image[top:bottom, left:right], share, out=product)
+                if inside is not None:
+                    product *= inside[top + i : bottom + i, left + j : right + j]
+                    onto[top:bottom, left:right] -= product
                 onto[top + i : bottom + i, left + j : right + j] += product
-    return result
+        if inside is not None:
+            # Kernels sum to 1: what has not gone anywhere is what there was, less what has.
+            onto += weight[k] * image
+    return np.maximum(result, 0.0, out=result) if inside is not None else result
 
 
 def move_carried(
@@ -266,6 +262,7 @@ def move_carried(
     weight: FloatArray,
     mean: FloatArray,
     covariance: FloatArray,
+    inside: BoolArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Move images whose cells are off their centres; give them and what they are off then.
 
@@ -281,6 +278,8 @@ def move_carried(
         In cells.
     covariance : FloatArray, shape (n, 2, 2)
         In square cells.
+    inside : BoolArray, shape (x, y), optional
+        As of `move`.
     """
     count = len(images)
     arrival = carry[source] + mean
@@ -298,4 +297,24 @@ def move_carried(
     off = middle - np.rint(middle)
     reach = images.shape[1] - 1, images.shape[2] - 1
     kernels = lattice_kernels(arrival - off[target], covariance, reach=reach)
-    return move(images, kernels, source, target, weight, count), off
+    return move(images, kernels, source, target, weight, count, inside=inside), off
+
+
+def turn_carried(
+    space: StateSpace, images: FloatArray, offset: FloatArray, turned: float, turn: float, sigma: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Turn images, (headings, x, y), whose cells are off by offset / cells and turned / radians."""
+    axis = space.axes[2]
+    total = turned + turn
+    steps = round(total / axis.cell)
+    if sigma > 2.0 * axis.length:
+        step, weight = np.arange(axis.size), np.full(axis.size, 1.0 / axis.size)
+    else:
+        step, weight = spread(sigma / axis.cell)
+    source = np.repeat(np.arange(axis.size), len(step))
+    target = (source + np.tile(step, axis.size) + steps) % axis.size
+    still = np.zeros((len(source), 2))
+    images, offset = move_carried(
+        images, offset, source, target, np.tile(weight, axis.size), still, np.zeros((len(source), 2, 2))
+    )
+    return images, offset, total - steps * axis.cell

@@ -21,18 +21,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
+from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
 from ciberrato.bayes.motion.odometry_reading import OdometryNoise, OdometryReading, Prediction
 from ciberrato.bayes.motion.passes import (
     PoseCarry,
-    check_belief,
     check_motion,
     check_space,
     directions_per_heading,
     drive,
     move_carried,
     reach,
-    spread,
+    turn_carried,
     turn_matrix,
     ways,
 )
@@ -182,23 +182,3 @@ class TurnDriveTurn:
             self._work.clear()
             self._work[count] = np.empty((2, count, self.space.shape[0] * self.space.shape[1]))
         return self._work[count][0], self._work[count][1]
-
-
-def turn_carried(
-    space: StateSpace, images: FloatArray, offset: FloatArray, turned: float, turn: float, sigma: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Turn images, (headings, x, y), whose cells are off by offset / cells and turned / radians."""
-    axis = space.axes[2]
-    total = turned + turn
-    steps = round(total / axis.cell)
-    if sigma > 2.0 * axis.length:
-        step, weight = np.arange(axis.size), np.full(axis.size, 1.0 / axis.size)
-    else:
-        step, weight = spread(sigma / axis.cell)
-    source = np.repeat(np.arange(axis.size), len(step))
-    target = (source + np.tile(step, axis.size) + steps) % axis.size
-    still = np.zeros((len(source), 2))
-    images, offset = move_carried(
-        images, offset, source, target, np.tile(weight, axis.size), still, np.zeros((len(source), 2, 2))
-    )
-    return images, offset, total - steps * axis.cell
