@@ -49,7 +49,7 @@ class CommandKernel:
         object.__setattr__(self, "first", first)
 
     @classmethod
-    def from_displacements(cls, probability: Mapping[tuple[int, ...] | int, float]) -> CommandKernel:
+    def from_displacements(cls, probability: Mapping[Any, float]) -> CommandKernel:
         """Make a kernel from {displacement: probability}; a displacement is a tuple of ints, or one int."""
         places = {whole_numbers(place, "a displacement"): p for place, p in probability.items()}
         if len({len(place) for place in places}) != 1 or len(places) < len(probability):

@@ -59,7 +59,7 @@ class LatticeKernels(NamedTuple):
             np.bincount(self.kernel, self.weights * off[:, a] * off[:, b], count)
             for a, b in ((0, 0), (0, 1), (0, 1), (1, 1))
         ]
-        return mean, np.stack(pairs, axis=1).reshape(count, 2, 2)
+        return np.asarray(mean), np.asarray(np.stack(pairs, axis=1).reshape(count, 2, 2))
 
 
 def lattice_kernels(

@@ -192,8 +192,8 @@ class GaussianOdometry:
         cell, turn = max(self._cell), self.space.axes[2].cell
         if trans < (1.0 - 1e-9) * _FINEST * cell or min(rot1, rot2) < (1.0 - 1e-9) * _FINEST * turn:
             raise ValueError(
-                f"noise of {trans:g} and {min(rot1, rot2):g} rad is finer than {_FINEST} cells of {cell:g} and "
-                f"{turn:g} rad: leave `density` and `normalized` out, or take smaller cells"
+                f"noise of {trans:g} and {min(rot1, rot2):g} rad is finer than {_FINEST} cells of {cell:g} "
+                f"and {turn:g} rad: leave `density` and `normalized` out, or take smaller cells"
             )
 
     def kernel_mass(self, control: OdometryReading) -> FloatArray:

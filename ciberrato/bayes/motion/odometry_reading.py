@@ -50,7 +50,7 @@ class OdometryReading:
         dx, dy = x1 - x0, y1 - y0
         trans, turn = math.hypot(dx, dy), heading1 - heading0
         if not math.isfinite(trans + turn):
-            raise ValueError(f"odometry poses must be finite, not {before} and {after}")
+            raise ValueError(f"odometry poses must be finite, not {before!r} and {after!r}")
         if trans < threshold:
             along = dx * math.cos(heading0) + dy * math.sin(heading0)
             return cls(rot1=0.0, trans=along, rot2=float(wrap(turn)))

@@ -60,7 +60,7 @@ class OmnidirectionalReading:
         x0, y0, heading0 = (float(v) for v in np.asarray(before))
         x1, y1, heading1 = (float(v) for v in np.asarray(after))
         if not math.isfinite(x0 + y0 + heading0 + x1 + y1 + heading1):
-            raise ValueError(f"odometry poses must be finite, not {before} and {after}")
+            raise ValueError(f"odometry poses must be finite, not {before!r} and {after!r}")
         cos, sin = math.cos(heading0), math.sin(heading0)
         dx, dy = x1 - x0, y1 - y0
         return cls(

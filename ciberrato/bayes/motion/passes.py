@@ -292,9 +292,9 @@ def move_carried(
     order = np.argsort(share, kind="stable")
     greatest[target[order]] = arrival[order]
     near = arrival - np.rint(arrival - greatest[target])
-    middle = np.stack([np.bincount(target, share * near[:, a], count) for a in (0, 1)], axis=1)
-    middle /= np.maximum(total, 1e-300)[:, np.newaxis]
-    off = middle - np.rint(middle)
+    middle: FloatArray = np.stack([np.bincount(target, share * near[:, a], count) for a in (0, 1)], axis=1)
+    middle = np.asarray(middle / np.maximum(total, 1e-300)[:, np.newaxis])
+    off: FloatArray = middle - np.rint(middle)
     reach = images.shape[1] - 1, images.shape[2] - 1
     kernels = lattice_kernels(arrival - off[target], covariance, reach=reach)
     return move(images, kernels, source, target, weight, count, inside=inside), off

@@ -26,8 +26,8 @@ class TransitionMatrix:
     Attributes
     ----------
     matrices : mapping of command to matrix
-        Any hashable commands; lists and arrays mean the tuple of their elements. Numpy arrays or scipy sparse matrices, (states, states), entries 0 or more, row sums 1 at the most
-        (what is missing is lost).
+        Any hashable commands; lists and arrays mean the tuple of their elements. Numpy arrays or scipy sparse
+        matrices, (states, states), entries 0 or more, row sums 1 at the most (what is missing is lost).
     """
 
     matrices: Mapping[Any, Any]
@@ -39,7 +39,7 @@ class TransitionMatrix:
             sums = np.asarray(matrix.sum(axis=1)).ravel()
             if not matrix.min() >= 0.0 or not (sums <= 1.0 + 1e-9).all():
                 raise ValueError(
-                    f"the matrix for {command!r} has a negative entry, one that is no number, or a row above 1"
+                    f"the matrix for {command!r} has an entry that is negative or nan, or a row above 1"
                 )
 
     def predict(self, belief: ArrayLike, control: Any) -> FloatArray:

@@ -5,13 +5,13 @@ t`, and turns by another :math:`\gamma` at the end, each normal about the comman
 Robotics, table 5.3). The arc's chord has the length :math:`r = s \sin(\alpha/2) / (\alpha/2)` and the
 direction :math:`\theta + \alpha/2`. So the prediction is a sum over turns :math:`\alpha` in whole heading
 cells about the command's, each of which moves its share along its chord by :math:`N(r; \sigma_r^2)`, and a
-turn by :math:`\gamma` and what the command leaves of a heading cell. Mean and variance are those of the model,
-as far as cells can have them: `ciberrato.bayes.motion.turn_drive_turn` says how far.
+turn by :math:`\gamma` and what the command leaves of a heading cell. Mean and variance are those of the
+model, as far as cells can have them: `ciberrato.bayes.motion.turn_drive_turn` says how far.
 
 `kernel` is the density over the end pose at the centres of the cells. For a displacement (r, :math:`\phi`)
-there are two ways, forward with :math:`\alpha = 2 (\phi - \theta)` and backward with :math:`\alpha = 2 (\phi +
-\pi - \theta)`, each angle wrapped before it is doubled. With :math:`\beta = \alpha/2` and the Jacobian of (s,
-:math:`\alpha`) to (x, y),
+there are two ways, forward with :math:`\alpha = 2 (\phi - \theta)` and backward with :math:`\alpha =
+2 (\phi + \pi - \theta)`, each angle wrapped before it is doubled. With :math:`\beta = \alpha/2` and the
+Jacobian of (s, :math:`\alpha`) to (x, y),
 
 .. math::
    p(x', y', \theta' | u, x, y, \theta) = \sum_{\text{ways}} N(s; v \Delta t)\, N(2\beta; \omega \Delta t)\,
@@ -224,7 +224,7 @@ class VelocityMotion:
         check_motion(self.space, [way], [turn], [sigmas[0]])
         if sigmas[1] > 4.0 * math.pi:
             raise ValueError(
-                f"a standard deviation of {sigmas[1]:g} rad for the turn is more than two turns: is it in radians?"
+                f"a standard deviation of {sigmas[1]:g} rad is more than two turns: is it in radians?"
             )
         return sigmas
 
@@ -239,7 +239,7 @@ class VelocityMotion:
         turn = control.turning * control.duration
         steps = round((turn + turned) / part)
         step, weight = spread(sigma / part)
-        return step + steps, weight, turn + turned - steps * part, turn + step * part
+        return step + steps, weight, turn + turned - steps * part, np.asarray(turn + step * part)
 
     def _chords(
         self, way: float, sigma: float, heading: FloatArray, turn: FloatArray
@@ -257,7 +257,7 @@ class VelocityMotion:
         if way_sigma < 0.599 * least or min(turn_sigma, final_sigma) < 0.599 * bin_:
             raise ValueError(
                 f"noise of {way_sigma:g} and {min(turn_sigma, final_sigma):g} rad is finer than 0.6 cells of "
-                f"{least:g} and {bin_:g} rad: the density at the cells' centres is not theirs; leave `density` out"
+                f"{least:g} and {bin_:g} rad: leave `density` out, or take smaller cells"
             )
         way, turn = control.speed * control.duration, control.turning * control.duration
         far = abs(way) + self.window * way_sigma
