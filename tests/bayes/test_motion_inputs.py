@@ -8,7 +8,9 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from ciberrato.bayes.filtering import MarkovFilter
 from ciberrato.bayes.motion.blocked_shift import BlockedShift, Openings
+from ciberrato.bayes.motion.carried import Carried
 from ciberrato.bayes.motion.gaussian_shift import GaussianShift
 from ciberrato.bayes.motion.kernel import CommandKernel, KernelMotion
 from ciberrato.bayes.motion.lattice import lattice_kernels
@@ -167,6 +169,25 @@ def test_still_turning_in_place_and_backward_are_ordinary():
         cos, sin = math.cos(start[2]), math.sin(start[2])
         np.testing.assert_allclose(back.mean[:2], start[:2] - [along * cos, along * sin], atol=2e-3)
         assert math.sqrt(back.covariance[2, 2]) == pytest.approx(0.2 * math.sqrt(0.4), rel=0.01)
+
+
+@pytest.mark.parametrize("still", [False, True])
+def test_a_minute_at_10_hertz_is_carried_by_a_filter(still):
+    # 600 steps of 1.5 mm on cells of 0.1 m, 1 mm of noise each: 0.9 m, with 24.5 mm of noise.
+    space = pose_grid((24, 16, 12), cell=0.1)
+    start = space.pose((6, 6, 6))
+    motion = Carried(TurnDriveTurn(space=space, noise=OdometryNoise(translation=0.001)))
+    robot = MarkovFilter(space.point_mass(start), motion.predict)
+    step = OdometryReading(trans=0.0 if still else 0.0015)
+    for _ in range(600):
+        robot.predict(step)
+    way = 0.0 if still else 0.9
+    ahead = np.array([math.cos(start[2]), math.sin(start[2])])
+    np.testing.assert_allclose(motion.mean(robot.belief)[:2], start[:2] + way * ahead, atol=1e-5)
+    assert motion.mean(robot.belief)[2] == pytest.approx(start[2], abs=1e-9)
+    off = (motion.centres()[..., :2] - start[:2] - way * ahead) @ ahead
+    assert (robot.belief * off**2).sum() == pytest.approx(600 * 0.001**2, rel=0.05)
+    assert np.abs(motion.centres() - space.centres())[..., :2].max() <= 0.05 + 1e-12
 
 
 def test_the_noise_of_a_reversal_counts_the_turn_that_is_made():

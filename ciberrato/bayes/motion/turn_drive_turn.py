@@ -9,7 +9,9 @@ which the second turn makes up for: so the mean is exact. Of the noise every pas
 distribution over whole cells can have it. What cannot be avoided: a mean between cells adds r (1 - r) square
 cells to a variance below that, r being its fraction (r = 1/20 for steps of 5 mm on cells of 0.1 m: ten of
 them spread by 0.7 cells); `predict_carried` adds none of it. And a drive along a slanting direction whose
-noise is a cell or more is wider across by 1/6 square cell on the average.
+noise is a cell or more is wider across by 1/6 square cell on the average. Where the ways of neighbouring
+headings end more than a cell apart, several directions stand for a heading if the noise of the second turn is
+half a heading cell or more; else the belief lies on rays.
 """
 
 from __future__ import annotations
