@@ -86,8 +86,9 @@ def deviation(case: Case, seed: int = 1) -> Deviation:
     space = _space(model, start, np.concatenate([true.box, wide.box]))
     belief, where = model.run(space, space.point_mass(start))
     allowed = 0.25 if model.carried else 0.25 * STEPS
-    if model.headings and model.carried and case.noise > 0.7:
-        allowed += 0.25 * STEPS  # across the ways
+    if model.headings and model.carried and (case.noise > 0.7 or model.apart > 1.0):
+        # Across the ways; or headings that mix have offsets that have nothing to do with each other.
+        allowed += 0.25 * STEPS
     return _compared(space, belief, where, true.poses, wide.poses, allowed)
 
 
@@ -101,7 +102,7 @@ def limits(case: Case) -> Deviation:
     """
     model = line_model(case) if case.model in LINES else pose_model(case)
     rays = max(0.0, model.apart - 1.0)
-    return Deviation(1e-4, 0.05 + 0.05 * rays, 0.06, 0.06 + 0.3 * rays, 0.07 + 0.1 * rays)
+    return Deviation(1e-4, 0.05 + 0.05 * rays, 0.06, 0.06 + 0.3 * rays, 0.08 + 0.1 * rays)
 
 
 def _drawn(model: Model, start: np.ndarray, seed: int, widened: bool) -> Samples:
