@@ -256,6 +256,33 @@ def test_cells_may_differ_in_x_and_y(model, control):
     assert -1e-4 <= added[1, 1] <= 0.25 * 0.2**2 + 1e-5
 
 
+def test_wide_kernels_move_as_the_sum_over_their_cells_does():
+    rng = np.random.default_rng(5)
+    space = pose_grid((30, 25, 4), cell=0.1)
+    noise = OmnidirectionalNoise(translation=0.5, strafe=0.4)
+    belief = np.zeros(space.shape)
+    belief[8:20, 3:15] = rng.random((12, 12, 4))
+    belief /= belief.sum()
+    ours = OmnidirectionalOdometry(space=space, noise=noise).predict(
+        belief, OmnidirectionalReading(forward=0.43)
+    )
+    expected = np.zeros(space.shape)
+    for k, heading in enumerate(space.axes[2].centres):
+        cos, sin = math.cos(heading), math.sin(heading)
+        turn = np.array([[cos, -sin], [sin, cos]])
+        covariance = turn @ np.diag([25.0, 16.0]) @ turn.T
+        kernel = lattice_kernels(4.3 * turn[:, 0][np.newaxis], covariance[np.newaxis], reach=(29, 24))
+        assert len(kernel.cells) > 400
+        for (i, j), weight in zip(kernel.cells, kernel.weights, strict=True):
+            for a in range(8, 20):
+                b = np.arange(3, 15)
+                if 0 <= a + i < 30:
+                    b = b[(b + j >= 0) & (b + j < 25)]
+                    expected[a + i, b + j, k] += weight * belief[a, b, k]
+    np.testing.assert_allclose(ours, expected, atol=1e-15)
+    assert (ours >= 0.0).all()
+
+
 def test_lattice_kernels_have_the_moments_asked_for():
     rng = np.random.default_rng(3)
     angle, sigma, flat = rng.uniform(0, 7, 400), 10 ** rng.uniform(-3, 1, 400), rng.uniform(0, 1, 400)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
-from ciberrato.bayes.convolution import gaussian_kernel
+from ciberrato.bayes.convolution import fold, gaussian_kernel
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
 from ciberrato.bayes.spaces import StateSpace
 
@@ -27,6 +27,8 @@ from ciberrato.bayes.spaces import StateSpace
 _DENSE = 600_000
 # Kernels of at least this many cells are worth a look at which part of an image holds anything.
 _MANY = 24
+# Kernels of more cells than this are applied by Fourier transform, where nothing has to stay.
+_WIDE = 400
 _MOST_DIRECTIONS = 16
 _MOST_TURNS = 10.0
 _MOST_DIAGONALS = 1000.0
@@ -236,6 +238,12 @@ def move(
                 continue
             low = int(held[0][0]), int(held[1][0])
             high = int(held[0][-1]) + 1, int(held[1][-1]) + 1
+        if len(entries) > _WIDE and inside is None:
+            box = image[low[0] : high[0], low[1] : high[1]]
+            onto += weight[k] * _by_fourier(
+                box, low, kernels.cells[entries], kernels.weights[entries], onto.shape
+            )
+            continue
         for (i, j), share in zip(
             kernels.cells[entries].tolist(), (weight[k] * kernels.weights[entries]).tolist(), strict=True
         ):
@@ -252,6 +260,22 @@ def move(
             # Kernels sum to 1: what has not gone anywhere is what there was, less what has.
             onto += weight[k] * image
     return np.maximum(result, 0.0, out=result) if inside is not None else result
+
+
+def _by_fourier(
+    box: FloatArray, low: tuple[int, int], cells: IntArray, weights: FloatArray, shape: tuple[int, ...]
+) -> FloatArray:
+    """Convolve part of an image, which begins at `low`, with a wide kernel; less than 1e-15 of it is 0."""
+    first = cells.min(axis=0)
+    kernel = np.zeros(cells.max(axis=0) - first + 1)
+    kernel[cells[:, 0] - first[0], cells[:, 1] - first[1]] = weights
+    size = tuple(a + b - 1 for a, b in zip(box.shape, kernel.shape, strict=True))
+    full = np.fft.irfft2(np.fft.rfft2(box, size) * np.fft.rfft2(kernel, size), size)
+    full[full < 1e-15 * box.sum()] = 0.0
+    result = full
+    for axis in (0, 1):
+        result = fold(result, int(first[axis]) + low[axis], shape[axis], "lose", axis)
+    return result
 
 
 def move_carried(
