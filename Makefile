@@ -2,8 +2,6 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-GOLDEN ?= ../shared/golden
-LABS   ?= ../shared/labs
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo examples test quick lint conformance accuracy bench figures clean
@@ -11,15 +9,20 @@ LABS   ?= ../shared/labs
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
-# The stamp holds the environment: it is made again when pyproject.toml changes.
-$(VENV)/.stamp: pyproject.toml
+# Two stamps hold the environment: what the programs need, and with the developer's tools. Each is made again
+# when pyproject.toml changes.
+$(VENV)/.runtime: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/.stamp: $(VENV)/.runtime
 	$(BIN)/python -m pip install --quiet --editable '.[dev,fast]'
 	@touch $@
 
 setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
 
-demo: $(VENV)/.stamp  ## the whole path once: simulator, agent, localization.out, a table and a figure
+demo: $(VENV)/.runtime  ## the whole path once: simulator, agent, localization.out, a table and a figure
 	$(BIN)/python -m examples.demo
 
 lint: $(VENV)/.stamp  ## ruff and mypy
@@ -33,8 +36,8 @@ quick: $(VENV)/.stamp  ## the tests that take less than a few seconds each
 test: lint  ## everything CI runs
 	$(BIN)/python -m pytest
 
-conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator (GOLDEN=... LABS=...)
-	$(BIN)/python -m benchmarks.conformance --golden $(GOLDEN) --labs $(LABS)
+conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator: the tests', or GOLDEN=... LABS=...
+	$(BIN)/python -m benchmarks.conformance $(if $(GOLDEN),--golden '$(GOLDEN)') $(if $(LABS),--labs '$(LABS)')
 
 accuracy: $(VENV)/.stamp  ## how often the most likely cell is the true one, both presets, 200 drives a lab
 	$(BIN)/python -m benchmarks.accuracy

@@ -2,12 +2,11 @@
 
 Its rooms, each of which imports only from those before it:
 
-- `agent.control`: the drive to the right, without network, clock and files
-- `agent.pose_filter`: place and heading from any start, while it drives
+- `agent.drives.right`: the drive to the right, without network, clock and files
+- `ciberrato.localization`: place and heading from any start, while it drives
 - `agent.drives`: where to drive, by what the pose filter knows
 - `agent.offline`: the filter over cells that runs after the drive
 - `agent.views`: runs and beliefs to look at
 - `agent.run`: link, clock, signals, threads and files around them
-
-Outside the rooms is the command line.
+- `agent.commands`: the command line, one file a subcommand
 """

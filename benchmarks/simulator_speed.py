@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.measure import Row, absent, best_time
-from ciberrato.geometry import WallMap
-from ciberrato.kinematics import ROBOT_RADIUS, advance, filter_power
-from ciberrato.lab import Lab
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.labs import find_lab
+from ciberrato.physics.kinematics import ROBOT_RADIUS, advance, filter_power
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_lab
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.batch import BatchSimulation
 from simulator_stub.simulation import Simulation
 

@@ -206,7 +206,7 @@ async def run(seconds: float, browsers: int, stuck: int) -> None:
         await asyncio.sleep(3.0)
         await measure("no viewer", seconds / 4, simulator, None, None, None)
         viewer = stack.enter_context(
-            started("viewer", "--simulator", f"127.0.0.1:{port}", "--http", "0", "--no-overlay")
+            started("ciberrato.viewer", "--simulator", f"127.0.0.1:{port}", "--http", "0", "--no-overlay")
         )
         url = viewer.expect(r"page: (\S+)")
         probe = Client(url)

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.bayes import update
-from ciberrato.infrared import cell_openings, cell_readings, reading_log_likelihood
-from ciberrato.kinematics import filter_power
-from ciberrato.lab import CELL_SIZE, Lab
-from ciberrato.labfile import read_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.infrared.model import cell_openings, cell_readings, reading_log_likelihood
+from ciberrato.labs import find_lab
 from ciberrato.net import UdpLink, parse_address
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import OVERLAY_PORT, GridBelief, Line, OverlayMessage, PoseMark, Text
+from ciberrato.physics.kinematics import filter_power
 from ciberrato.protocol import (
     Acceptance,
     Actions,
@@ -32,7 +32,7 @@ from ciberrato.protocol import (
     decode_simulator_message,
     encode,
 )
-from maps import find_lab
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)
 CRUISE = 0.1

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from types import FrameType
     from typing import NoReturn
 
-    from simulator_stub.server import Server
-
-PROGRAM = "ciberrato-simulator"
+    from simulator_stub.service.server import Server
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     from ciberrato.errors import CiberratoError
-    from simulator_stub.options import parse_arguments
+    from simulator_stub.options import PROGRAM, parse_arguments
 
     try:
         options = parse_arguments(arguments)
@@ -56,7 +54,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         server = build_server(options, print_line=_print_line, notify=notify)
         if options.view is None:
             return _serve(server, notify)
-        from simulator_stub.companion import viewer_beside
+        from simulator_stub.service.viewer_process import viewer_beside
 
         host = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind
         with viewer_beside(f"{host}:{server.port}", options.view):
@@ -95,6 +93,8 @@ def _print_line(line: str) -> None:
 
 
 def _notifier(*, quiet: bool) -> Callable[[str], None]:
+    from simulator_stub.options import PROGRAM
+
     def notify(line: str) -> None:
         if not quiet:
             try:

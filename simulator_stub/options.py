@@ -6,11 +6,10 @@ import argparse
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
-from ciberrato.errors import UsageError
-from simulator_stub.cli import PROGRAM
+from ciberrato.command_line import ProgramParser
 
+PROGRAM = "ciberrato-simulator"
 DEFAULT_ANSWER_LIMIT = 1.0
 
 
@@ -30,18 +29,12 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     return _parser().parse_args(arguments)
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message} (see --help)")
-
-
 def _parser() -> argparse.ArgumentParser:
     from ciberrato.net.address import DEFAULT_PORT  # brings in the whole codec
 
-    parser = _Parser(
-        prog=PROGRAM,
+    parser = ProgramParser(
+        PROGRAM,
         description="A CiberRato simulator without a window: the wire protocol of the real one, and a seed.",
-        allow_abbrev=False,
     )
     world = parser.add_argument_group("the world (each a file, or the name of one that ships)")
     world.add_argument("--lab", metavar="FILE", help="lab; default: the real simulator's built-in one")
@@ -84,9 +77,9 @@ def _parser() -> argparse.ArgumentParser:
     pace.add_argument(
         "--answer-limit",
         type=_seconds,
-        default=DEFAULT_ANSWER_LIMIT,
         metavar="SECONDS",
-        help="how long --lockstep waits for a silent robot; default: 1, inf: for ever",
+        help="how long --lockstep waits for an answer, inf: for ever; default: a few of the robot's own "
+        "answer times, up to 1 while it is at work",
     )
     pace.add_argument(
         "--autostart", type=_count, default=0, metavar="N", help="start as soon as N robots are registered"

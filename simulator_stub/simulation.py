@@ -2,7 +2,7 @@
 
 One cycle is ``step(actions)``: it depends on nothing but the simulation's state, the actions, what was
 registered and commanded since the last cycle, and the random numbers that follow from the seed. The shells
-around it (`simulator_stub.session`, `simulator_stub.server`) turn datagrams and time into such calls.
+around it (`simulator_stub.service`) turn datagrams and time into such calls.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ciberrato.lab import Beacon, Lab
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     DEFAULT_SENSOR_ANGLES,
     Acceptance,
@@ -26,17 +24,19 @@ from ciberrato.protocol import (
     RobotStatus,
 )
 from ciberrato.protocol.drafts import MeasuresDraft
-from ciberrato.startgrid import StartGrid
-from simulator_stub.motion import move
-from simulator_stub.noise import NoiseRoot, Stream
-from simulator_stub.robot import Robot
-from simulator_stub.robot_state import MOVING, RobotState, next_state
+from ciberrato.world.coordinates import SensorAngles
+from ciberrato.world.lab import Beacon, Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+from simulator_stub.robot_transitions import next_state
 from simulator_stub.scoring import SCORINGS, Scoring
-from simulator_stub.sensors import SENSORS, Scene
-from simulator_stub.simulator_state import SimulatorEvent, SimulatorState, SimulatorStateMachine
-from simulator_stub.world import World
-
-SensorAngles = tuple[float, float, float, float]
+from simulator_stub.sensors import SENSORS, Scene, Sensor
+from simulator_stub.world.motion import move
+from simulator_stub.world.noise import NoiseRoot, Stream
+from simulator_stub.world.robot import Robot
+from simulator_stub.world.robot_state import MOVING, RobotState
+from simulator_stub.world.simulator_state import SimulatorEvent, SimulatorState, SimulatorStateMachine
+from simulator_stub.world.world import World
 
 NAMELESS = "(null)"
 """What a robot is called that gave no name."""
@@ -74,8 +74,8 @@ class Simulation:
 
     Examples
     --------
-    >>> from ciberrato.gridfile import default_grid
-    >>> from ciberrato.labfile import default_lab
+    >>> from ciberrato.files.start_grid import default_grid
+    >>> from ciberrato.files.lab import default_lab
     >>> simulation = Simulation(default_lab(), default_grid(), seed=7)
     >>> robot = simulation.register(RobotRegistration(name="santos"))
     >>> simulation.launch()[robot].time
@@ -101,6 +101,7 @@ class Simulation:
         self.worlds = 0
         self._machine = SimulatorStateMachine()
         self._robots: dict[int, Robot] = {}
+        self._sensors: dict[int, tuple[Sensor, ...]] = {}
         self._carried_beacon: Beacon | None = None
         self._begin_world()
 
@@ -164,7 +165,7 @@ class Simulation:
         wanted = registration.robot_id
         places = range(1, len(self.world.grid.positions) + 1)
         free = [place for place in places if place not in self._robots]
-        robot_id = wanted if wanted else (free[0] if free else 0)
+        robot_id = wanted if wanted > 0 else (free[0] if free else 0)
         if robot_id not in free:
             return None
         self._robots[robot_id] = self._make_robot(
@@ -195,7 +196,7 @@ class Simulation:
             beacons_known=beacons,
         )
         sensors = [sensor(self.world, robot, self._noise) for sensor in SENSORS]
-        robot.sensors = tuple(sensor for sensor in sensors if sensor.is_present)
+        self._sensors[robot_id] = tuple(sensor for sensor in sensors if sensor.is_present)
         robot.request_names = frozenset(name for sensor in sensors for name in sensor.request_names)
         return robot
 
@@ -250,6 +251,7 @@ class Simulation:
             self._noise = NoiseRoot.from_generator(np.random.default_rng(seed))
         self._machine = SimulatorStateMachine()
         self._robots = {}
+        self._sensors = {}
         self._carried_beacon = None
         self._begin_world()
 
@@ -341,7 +343,7 @@ class Simulation:
         speakers = [robot for robot in self._robots.values() if robot.said is not None]
         scene = Scene(present, self.time, running, speakers, self.gps_offset)
         for robot in present:
-            for sensor in robot.sensors:
+            for sensor in self._sensors[robot.robot_id]:
                 sensor.update(robot, scene)
         if running:
             for robot in present:
@@ -351,7 +353,8 @@ class Simulation:
 
     def statuses(self) -> tuple[RobotStatus, ...]:
         """Say what views are told; between `advance` and `end_cycle`, as states change only then."""
-        return tuple(self._status(robot) for robot in self._robots.values())
+        targets = len(self.world.lab.targets)
+        return tuple(robot.status(self.time, targets) for robot in self._robots.values())
 
     def end_cycle(self) -> None:
         """Change states: first the simulator's, then the robots'."""
@@ -369,7 +372,7 @@ class Simulation:
 
     def _measures(self, robot: Robot) -> Measures:
         fields: dict[str, Any] = {}
-        for sensor in robot.sensors:
+        for sensor in self._sensors[robot.robot_id]:
             sensor.report(robot, fields)
         return self._complete(robot, fields)
 
@@ -396,24 +399,7 @@ class Simulation:
             Whether the time is over, so that both buttons are off.
         """
         fields: dict[str, Any] = {}
-        for sensor in robot.sensors:
+        for sensor in self._sensors[robot.robot_id]:
             sensor.record(fields)
         measures = self._complete(robot, fields)
         return replace(measures, start=False, stop=False) if over else measures
-
-    def _status(self, robot: Robot) -> RobotStatus:
-        return RobotStatus(
-            name=robot.name,
-            robot_id=robot.robot_id,
-            time=self.time,
-            score=robot.score,
-            arrival_time=robot.arrival_time,
-            returning_time=robot.returning_time,
-            collisions=robot.collisions,
-            collision=robot.collides,
-            visited_mask=robot.visited_mask(len(self.world.lab.targets)),
-            state=robot.state.value,
-            x=robot.x,
-            y=robot.y,
-            direction=robot.heading_degrees,
-        )

@@ -10,9 +10,9 @@ from typing import TextIO
 import numpy as np
 
 from agent.offline.summary import heat_map, step_table
-from ciberrato.belieffile import BeliefRun, read_beliefs
 from ciberrato.errors import UsageError
-from ciberrato.lab import Lab
+from ciberrato.files.beliefs import BeliefRun, read_beliefs
+from ciberrato.world.lab import Lab
 
 
 def inspect(

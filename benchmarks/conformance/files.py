@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import maps
-from ciberrato.lab import Lab
-from ciberrato.labfile import default_lab, parse_lab_with_warnings
+from ciberrato.files.lab import default_lab, parse_lab_with_warnings
+from ciberrato.labs import find_grid, find_lab, names
+from ciberrato.world.lab import Lab
 
 DEFAULT_LAB = "(default)"
 """How golden files name the built-in lab."""
@@ -36,7 +36,10 @@ def find_lab_file(name: str, labs: Path | None) -> Path | None:
         None if there is no such file here.
     """
     own = name.removeprefix("maps/")
-    path = Path(maps.__file__).parent / own if own != name else (labs / name if labs else None)
+    if own != name:
+        kind, find = ("grid", find_grid) if own.endswith("_grid.xml") else ("lab", find_lab)
+        return find(own) if own.removesuffix(f"_{kind}.xml") in names(kind) else None
+    path = labs / name if labs else None
     return path if path is not None and path.is_file() else None
 
 

@@ -157,8 +157,8 @@ def read_timeline(path: Path, files: Path, moved: Collection[int] = ()) -> Timel
 
 
 def _period(arguments: list[str], files: Path) -> float:
-    from ciberrato.parameterfile import read_parameters
-    from ciberrato.parameters import Parameters
+    from ciberrato.files.parameters import read_parameters
+    from ciberrato.world.parameters import Parameters
 
     named = parse_arguments(arguments).param
     parameters = Parameters() if named is None else read_parameters(files / named)

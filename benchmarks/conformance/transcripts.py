@@ -1,8 +1,9 @@
 """Recorded sessions of the real simulator, replayed: the same datagrams in the same cycles, the same answers.
 
-What clients sent goes into a `simulator_stub.session.Session`, cycle by cycle; its answers are compared byte
-by byte with those recorded. Left out of the comparison are readings that carry noise (their values only), and
-what our simulator does differently on purpose; every such answer is counted under its reason.
+What clients sent goes into a `simulator_stub.service.session.Session`, cycle by cycle; its answers are
+compared byte by byte with those recorded. Left out of the comparison are readings that carry noise (their
+values only), and what our simulator does differently on purpose; every such answer is counted under its
+reason.
 """
 
 from __future__ import annotations
@@ -14,16 +15,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from benchmarks.conformance.row import Row
+from benchmarks.conformance.finding import Finding
 from benchmarks.conformance.timeline import Timeline, read_timeline
 from ciberrato.errors import CiberratoError
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Refusal, Registration, RobotRegistration, decode_registration, encode
+from ciberrato.world.parameters import Parameters
 from simulator_stub.assembly import read_world
 from simulator_stub.options import parse_arguments
-from simulator_stub.session import NAME_LIMIT, Session
+from simulator_stub.service.session import NAME_LIMIT, Session
+from simulator_stub.service.transports import Newcomer, Peer
 from simulator_stub.simulation import Simulation
-from simulator_stub.transports import Newcomer, Peer
 
 GPS_OFFSET = (840.1877167634666, 394.38292663544416)
 """What the real simulator adds until its first Reset, always."""
@@ -62,20 +63,20 @@ class Replay:
     moved: frozenset[int] = frozenset()
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield a row for each session, and one for each kind of deliberate difference."""
     del labs
     folder = golden / "transcripts"
     paths = sorted(folder.glob("*.jsonl.gz"))
     if not paths:
-        yield Row("transcripts", 0, None, True, "skipped: no transcripts here")
+        yield Finding("transcripts", 0, None, True, "skipped: no transcripts here")
     deliberate: dict[str, Counter[str]] = defaultdict(Counter)
     total = 0
     for path in paths:
         try:
             result = replay(path, folder / "files")
         except CiberratoError as error:  # a file that it names is not here
-            yield Row(f"transcript {path.name.removesuffix('.jsonl.gz')}", 0, None, False, str(error))
+            yield Finding(f"transcript {path.name.removesuffix('.jsonl.gz')}", 0, None, False, str(error))
             continue
         special = result.deliberate.total()
         total += result.equal + special
@@ -89,12 +90,12 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
         if result.wrong:
             note = f"{len(result.wrong)} differ, first: {result.wrong[0]}"
         name = path.name.removesuffix(".jsonl.gz")
-        yield Row(
+        yield Finding(
             f"transcript {name}", result.equal + special + len(result.wrong), None, not result.wrong, note
         )
     for reason, places in deliberate.items():
         listed = ", ".join(f"{name}: {count}" for name, count in sorted(places.items()))
-        yield Row("transcripts, on purpose", places.total(), None, True, f"{reason} ({listed})")
+        yield Finding("transcripts, on purpose", places.total(), None, True, f"{reason} ({listed})")
 
 
 def replay(path: Path, files: Path) -> Replay:

@@ -4,7 +4,12 @@ Every decoder raises `ciberrato.errors.ProtocolError` for bytes that are not its
 else. The manual is docs/protocol.md.
 """
 
-from ciberrato.protocol.client_decoding import decode_actions, decode_registration, decode_view_command
+from ciberrato.protocol.client_decoding import (
+    PassedOverError,
+    decode_actions,
+    decode_registration,
+    decode_view_command,
+)
 from ciberrato.protocol.encoding import encode, fit_reply
 from ciberrato.protocol.framing import MessageSplitter
 from ciberrato.protocol.lab_text import grid_to_xml, lab_to_xml
@@ -66,6 +71,7 @@ __all__ = [
     "Measures",
     "MessageSplitter",
     "PanelRegistration",
+    "PassedOverError",
     "Refusal",
     "Registration",
     "RemoveRobot",

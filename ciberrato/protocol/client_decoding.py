@@ -1,13 +1,15 @@
 """What clients send, bytes to records, read as the real simulator reads it.
 
-Deliberate differences: a duplicate attribute, a document type, a NaN motor command, and an angle or height
-that is not finite are refused.
+What is not well-formed XML gets a second, tolerant look (`ciberrato.protocol.tolerantxml`). Deliberate
+differences: references to entities that XML does not predefine, where they matter, a NaN motor command, and
+an angle or height that is not finite are refused.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 
 from ciberrato.errors import ProtocolError
 from ciberrato.protocol.limits import ACTIONS_LIMIT, REGISTRATION_LIMIT, VIEW_COMMAND_LIMIT
@@ -44,7 +46,12 @@ _PLAIN_ACTIONS = re.compile(
     rb'(?: EndLed="(On|Off)")?(?: ReturningLed="(On|Off)")?(?: VisitingLed="(On|Off)")?'
     rb" ?/>[ \t\r\n]*(?:\0|\Z)"
 )
+_ROBOT_ELEMENTS = ("Actions", "SensorRequests", "Say")
 _LED = {None: None, b"On": True, b"Off": False}
+
+
+class PassedOverError(ProtocolError):
+    """A message that is not answered, but does not end the reading of messages for the cycle either."""
 
 
 def decode_registration(data: bytes, *, limit: int | None = REGISTRATION_LIMIT) -> Registration:
@@ -65,9 +72,13 @@ def decode_registration(data: bytes, *, limit: int | None = REGISTRATION_LIMIT) 
     ------
     ProtocolError
         If it is no registration. The real simulator does not answer these.
+    PassedOverError
+        If it is one of those that do not keep the simulator from reading on.
     """
-    root = parse_document(message_bytes(data, limit), invalid_bytes="?")
+    root = _parse(message_bytes(data, limit))
     attributes = root.attributes
+    if root.name == "Robot" and [child.name for child in root.children] == ["View"]:
+        root = root.children[0]  # the real simulator goes by the last one that it meets
     if root.name == "Robot":
         angles = []
         for child in root.children:
@@ -85,6 +96,8 @@ def decode_registration(data: bytes, *, limit: int | None = REGISTRATION_LIMIT) 
             sensor_angles=tuple(angles),
         )
     if root.name == "RobotBeacon":
+        if any(child.name == "IRSensor" and "Angle" not in child.attributes for child in root.children):
+            raise PassedOverError("RobotBeacon: child element IRSensor is not known")
         _refuse_children(root)
         return RobotBeaconRegistration(
             name=attributes.get("Name"),
@@ -103,8 +116,9 @@ def decode_registration(data: bytes, *, limit: int | None = REGISTRATION_LIMIT) 
 def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions:
     """Decode a datagram that came to a robot's port.
 
-    The text of several Say elements is joined, with what stands between the end of a Say and the next tag. An
-    empty Say gives an empty text. Infinite motor commands are left for the simulation to clamp.
+    Actions, SensorRequests and Say may be nested in any way, as in the real simulator. The text of several
+    Say elements is joined, with what stands between the end of a Say and the next tag. An empty Say gives an
+    empty text. Infinite motor commands are left for the simulation to clamp.
 
     Parameters
     ----------
@@ -132,25 +146,22 @@ def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions
             returning_led=_LED[returning_led],
             visiting_led=_LED[visiting_led],
         )
-    root = parse_document(message_bytes(data, limit), invalid_bytes="?")
-    if root.name == "Actions":
-        attributes, parts = root.attributes, root.children
-    elif root.name in ("SensorRequests", "Say"):
-        attributes, parts = {}, [root]
-    else:
+    root = _parse(message_bytes(data, limit))
+    if root.name not in _ROBOT_ELEMENTS:
         raise ProtocolError(f"{shown(root.name)}: not for robots; Actions, SensorRequests and Say are")
+    attributes: dict[str, str] = {}
     requests: list[str] = []
     say: str | None = None
-    for part in parts:
-        _refuse_children(part)
-        if part.name == "SensorRequests":
-            requests.extend(name for name, value in part.attributes.items() if value == "Yes")
-        elif part.name == "Say":
-            say = (say or "") + part.text + part.tail
-        else:
-            raise ProtocolError(
-                f"Actions: child element {shown(part.name)} is not known; SensorRequests and Say are"
-            )
+    saying = False  # from the start of a Say to the next start tag
+    for element, text in _walk(root):
+        if element is not None:
+            saying = element.name == "Say"
+            if element.name == "Actions":
+                attributes |= element.attributes
+            elif element.name == "SensorRequests":
+                requests.extend(name for name, value in element.attributes.items() if value == "Yes")
+        if saying:
+            say = (say or "") + text
     return Actions(
         left_motor=_motor(attributes, "LeftMotor"),
         right_motor=_motor(attributes, "RightMotor"),
@@ -182,7 +193,7 @@ def decode_view_command(data: bytes, *, limit: int | None = VIEW_COMMAND_LIMIT) 
     ProtocolError
         If it is no command.
     """
-    root = parse_document(message_bytes(data, limit), invalid_bytes="?")
+    root = _parse(message_bytes(data, limit))
     _refuse_children(root)
     if root.name == "Robot":
         if root.attributes.get("Removed") != "Yes":
@@ -194,6 +205,46 @@ def decode_view_command(data: bytes, *, limit: int | None = VIEW_COMMAND_LIMIT) 
             f"{shown(root.name)}: not a command; LabReq, GridReq, Start, Stop, Reset and Robot are"
         )
     return command
+
+
+def _parse(data: bytes) -> Element:
+    """Parse a client's message: strictly, and if that fails as the real simulator's parser does."""
+    try:
+        return parse_document(data, invalid_bytes="?")
+    except ProtocolError:
+        # Its patterns take 20 ms to compile, and a robot waits for that: clients decode nothing of clients.
+        from ciberrato.protocol.tolerantxml import parse_tolerantly
+
+        root = parse_tolerantly(data)
+        if root is None:
+            raise
+        return root
+
+
+def _walk(element: Element) -> Iterator[tuple[Element | None, str]]:
+    """Yield the elements of a robot's message in the order of their start tags, nested in any way.
+
+    Yields
+    ------
+    element : Element or None
+        None after an end tag.
+    text : str
+        What follows the tag.
+
+    Raises
+    ------
+    ProtocolError
+        If an element is not one of those that robots may send.
+    """
+    yield element, element.text
+    for child in element.children:
+        if child.name not in _ROBOT_ELEMENTS:
+            raise ProtocolError(
+                f"{shown(element.name)}: child element {shown(child.name)} is not known; "
+                "SensorRequests and Say are"
+            )
+        yield from _walk(child)
+        yield None, child.tail
 
 
 def _refuse_children(element: Element) -> None:

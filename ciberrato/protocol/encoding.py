@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any
 
 from ciberrato.errors import UsageError
-from ciberrato.lab import Lab
 from ciberrato.protocol.lab_text import grid_to_xml, lab_to_xml
 from ciberrato.protocol.limits import ACTIONS_LIMIT, REGISTRATION_LIMIT, REPLY_LIMIT
 from ciberrato.protocol.measures_text import measures_to_xml
@@ -36,7 +35,8 @@ from ciberrato.protocol.messages import (
 )
 from ciberrato.protocol.parameters_text import encode_parameters
 from ciberrato.protocol.text import attribute, cdata, exact, general
-from ciberrato.startgrid import StartGrid
+from ciberrato.world.lab import Lab
+from ciberrato.world.start_grid import StartGrid
 
 _NAME = re.compile(r"[A-Za-z_:][A-Za-z0-9_.:-]*")
 

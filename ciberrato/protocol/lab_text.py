@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ciberrato.errors import ProtocolError
-from ciberrato.lab import Beacon, Lab, Target, Wall
 from ciberrato.protocol.text import attribute, general, strict_real
 from ciberrato.protocol.xmltree import Element
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Beacon, Lab, Target, Wall
+from ciberrato.world.start_grid import GridPosition, StartGrid
 
 _LAB_DEFAULTS = Lab()
 _WALL_DEFAULT_HEIGHT = Wall().height

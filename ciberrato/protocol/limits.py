@@ -25,3 +25,6 @@ SAY_LIMIT = 100
 
 NESTING_LIMIT = 16
 """Elements inside elements; the protocol needs three."""
+
+TOLERANCE_LIMIT = 1023
+"""Bytes of a client's message at the most that gets a second, tolerant look."""

@@ -13,7 +13,9 @@ _REAL = re.compile(
 )
 _INTEGER = re.compile(r"[+-]?[0-9]{1,20}")
 _BLANKS = " \t\r\n"
-_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+_SPACES = "\t\n\v\f\r \x85\xa0\u1680\u2028\u2029\u202f\u205f\u3000" + "".join(map(chr, range(0x2000, 0x200B)))
+"""What the real simulator skips around numbers: all of Unicode's spaces."""
+NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _ESCAPES = str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 )
@@ -28,14 +30,14 @@ def shown(text: str, longest: int = 40) -> str:
 
 
 def lenient_real(text: str) -> float:
-    """Read a real number as the real simulator does: blanks around it do not matter, anything else is 0."""
-    text = text.strip(_BLANKS)
+    """Read a real number as the real simulator does: spaces around it do not matter, anything else is 0."""
+    text = text.strip(_SPACES)
     return float(text) if _REAL.fullmatch(text) else 0.0
 
 
 def lenient_integer(text: str) -> int:
     """Read an integer as the real simulator does: what is not one of 32 bits, with sign, is 0."""
-    text = text.strip(_BLANKS)
+    text = text.strip(_SPACES)
     value = int(text) if _INTEGER.fullmatch(text) else 0
     return value if -(2**31) <= value < 2**31 else 0
 
@@ -50,7 +52,7 @@ def finite_real(text: str, place: str) -> float:
     """
     value = lenient_real(text)
     if not math.isfinite(value):
-        raise ProtocolError(f"{place}: {shown(text.strip(_BLANKS))!r} is not a finite number")
+        raise ProtocolError(f"{place}: {shown(text.strip(_SPACES))!r} is not a finite number")
     return value
 
 
@@ -144,6 +146,6 @@ def cdata(text: str, place: str) -> str:
 
 
 def _check_characters(text: str, place: str) -> None:
-    bad = _NOT_XML.search(text)
+    bad = NOT_XML.search(text)
     if bad:
         raise UsageError(f"{place}: character U+{ord(bad.group()):04X} cannot be sent; leave it out")

@@ -80,7 +80,7 @@ def parse_document(data: bytes, *, invalid_bytes: Literal["?", "latin-1"]) -> El
         encoding other than UTF-8, ASCII or Latin-1, or are nested too deeply.
     """
     if not data.isascii() or data.startswith(b"<?xml"):
-        data = _as_utf8(data, invalid_bytes)
+        data = as_utf8(data, invalid_bytes)
     roots: list[Element] = []
     open_elements: list[Element] = []
     closed: list[Element] = []
@@ -126,7 +126,7 @@ def _refuse_doctype(name: str, _system: str | None, _public: str | None, _intern
     raise ProtocolError(f"DOCTYPE {shown(name)}: document types and entities are not part of the protocol")
 
 
-def _as_utf8(data: bytes, invalid_bytes: Literal["?", "latin-1"]) -> bytes:
+def as_utf8(data: bytes, invalid_bytes: Literal["?", "latin-1"]) -> bytes:
     """Bring the bytes to UTF-8, whatever they are."""
     declared = _DECLARED_ENCODING.match(data)
     if declared:

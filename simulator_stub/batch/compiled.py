@@ -1,33 +1,31 @@
 """One cycle of a batch in machine code: the loops of `simulator_stub.batch.loops`, and what they leave open.
 
-That is: places that have no square yet, squares with very many faces, and sensors that lie exactly on a face.
+That is: places that have no square yet, squares with very many faces, sensors that lie exactly on a face,
+readings that hang on rounding, and axes that one turn does not bring within ±π.
 The functions for one robot decide there. The few other sensors are the same as without machine code.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import SENSOR_OFFSET, distances_at, ideal_reading, round_reading
-from ciberrato.kinematics import ROBOT_RADIUS
-from ciberrato.labtables import tables_of
+from ciberrato.arrays import Floats
+from ciberrato.infrared.exact import exact_distance, hangs_on_rounding
+from ciberrato.infrared.model import SENSOR_OFFSET, distances_at, ideal_reading, round_reading
+from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.batch import loops
 from simulator_stub.batch.arrays import compass, ground
 from simulator_stub.batch.floortables import FloorTables
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.state import BatchState
-from simulator_stub.floor import Floor
 from simulator_stub.sensors.line import SIDEWAYS
+from simulator_stub.world.floor import Floor
 
 __all__ = ["compass", "ground", "infrared", "line", "move"]
 
-Floats = NDArray[np.float64]
 
 _NO_NOISE = np.zeros((1, 1))
 
@@ -93,27 +91,13 @@ def _complete(plan: BatchPlan, state: BatchState, noise: Floats, readings: Float
     )
     for robot, sensor, axis in zip(robots.tolist(), sensors.tolist(), axes.tolist(), strict=True):
         place = float(state.x[robot]), float(state.y[robot])
-        reading = ideal_reading(distances_at(plan.tables.walls, *place, [axis])[0])
+        distance = distances_at(plan.tables.walls, *place, [axis])[0]
+        if plan.obstacle_deviation == 0.0 and hangs_on_rounding(distance):
+            distance = exact_distance(plan.tables.walls, *place, axis, SENSOR_OFFSET)
+        reading = ideal_reading(distance)
         if plan.obstacle_deviation > 0.0:
             reading += plan.obstacle_deviation * float(noise[robot, sensor])
         readings[robot, sensor] = round_reading(reading)
-
-
-def compiled_distances(walls: WallMap) -> Callable[[float, float, Sequence[float]], list[float]]:
-    """Make `ciberrato.infrared.distances_at` for some walls in machine code."""
-    tables = tables_of(walls)
-
-    def distances(x: float, y: float, directions: Sequence[float]) -> list[float]:
-        found: tuple[float, ...] = loops.distances(
-            x, y, tuple(directions), tables.faces, tables.row_of, tables.seen
-        )
-        if math.isnan(sum(found)):
-            axes = np.array(directions)
-            tables.rows_at(x + SENSOR_OFFSET * np.cos(axes), y + SENSOR_OFFSET * np.sin(axes))
-            return distances_at(walls, x, y, directions)
-        return list(found)
-
-    return distances
 
 
 def line(plan: BatchPlan, state: BatchState, noise: Floats | None) -> NDArray[np.bool_]:

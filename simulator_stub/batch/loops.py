@@ -2,8 +2,9 @@
 # The types are those of numba, which infers them.
 """The arithmetic of one cycle, robot by robot, in machine code made by numba.
 
-The same operations in the same order as in `ciberrato.singlecone`, `ciberrato.nearby` and the sensors of a
-single simulation give the same numbers to the last bit. What is not decided here is marked.
+The same operations in the same order as in `ciberrato.infrared.cone_scalar`,
+`ciberrato.geometry.nearest_faces` and the sensors of a single simulation give the same numbers to the last
+bit. What is not decided here is marked.
 """
 
 from __future__ import annotations
@@ -13,37 +14,17 @@ import math
 import numba
 import numpy as np
 
-from ciberrato.coneloops import nearest_listed, nearest_of_all
-from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET
-from ciberrato.kinematics import ROBOT_RADIUS
-from ciberrato.labtables import OUTSIDE, TOUCHED
-from ciberrato.viewlists import LONGEST, SECTORS, SECTORS_PER_RADIAN, SQUARES_PER_UNIT
-from simulator_stub.floor import SQUARES_PER_UNIT as FLOOR_SQUARES_PER_UNIT
+from ciberrato.infrared.cone_compiled import distance_ahead, row_at, wrap
+from ciberrato.infrared.exact import CLOSE
+from ciberrato.infrared.face_tables import TOUCHED
+from ciberrato.infrared.model import CONTACT, SATURATION
+from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
+from simulator_stub.world.floor import SQUARES_PER_UNIT as FLOOR_SQUARES_PER_UNIT
 
 _SIDEWAYS = np.array(SIDEWAYS)
-_PADDING = OUTSIDE * SQUARES_PER_UNIT
-_TURN = 2 * math.pi
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
-
-
-@_jit
-def _wrap(angle):
-    if angle > math.pi:
-        return angle - _TURN
-    if angle < -math.pi:
-        return angle + _TURN
-    return angle
-
-
-@_jit
-def _row_at(row_of, x, y):
-    column = math.floor(x * SQUARES_PER_UNIT) + _PADDING
-    row = math.floor(y * SQUARES_PER_UNIT) + _PADDING
-    if 0 <= row < row_of.shape[0] and 0 <= column < row_of.shape[1]:
-        return row_of[row, column]
-    return -1
 
 
 @_jit
@@ -77,8 +58,8 @@ def move(
         heading = headings[robot]
         x = xs[robot] + speed * math.cos(heading)
         y = ys[robot] + speed * math.sin(heading)
-        headings[robot] = _wrap(heading + (right - left))
-        row = _row_at(row_of, x, y)
+        headings[robot] = wrap(heading + (right - left))
+        row = row_at(row_of, x, y)
         if row < 0 or touched_count[row] > TOUCHED:
             undecided[robot] = True
             wanted[0, robot] = x
@@ -120,7 +101,7 @@ def infrared(pose, angles, deviation, noise, faces, row_of, seen, readings):
     for robot in range(xs.size):
         for sensor in range(angles.size):
             axis = headings[robot] + angles[sensor]
-            distance = _distance(faces, row_of, seen, xs[robot], ys[robot], axis)
+            distance = distance_ahead(faces, row_of, seen, xs[robot], ys[robot], axis)
             if math.isnan(distance):
                 readings[robot, sensor] = math.nan
                 count += 1
@@ -128,35 +109,14 @@ def infrared(pose, angles, deviation, noise, faces, row_of, seen, readings):
             reading = 1.0 / distance if CONTACT < distance < math.inf else SATURATION
             if deviation > 0.0:
                 reading += deviation * noise[robot, sensor]
+            elif distance > 0.0:
+                tenths = 10.0 / distance
+                if abs(tenths - math.floor(tenths) - 0.5) < CLOSE:
+                    readings[robot, sensor] = math.nan
+                    count += 1
+                    continue
             readings[robot, sensor] = math.floor(10.0 * reading + 0.5) / 10.0
     return count
-
-
-@_jit
-def distances(x, y, directions, faces, row_of, seen):
-    """Give the distances that the four sensors of one robot take, as a tuple; nan where undecided."""
-    return (
-        _distance(faces, row_of, seen, x, y, directions[0]),
-        _distance(faces, row_of, seen, x, y, directions[1]),
-        _distance(faces, row_of, seen, x, y, directions[2]),
-        _distance(faces, row_of, seen, x, y, directions[3]),
-    )
-
-
-@_jit
-def _distance(faces, row_of, seen, robot_x, robot_y, direction):
-    axis = _wrap(direction)
-    cosine, sine = math.cos(axis), math.sin(axis)
-    x = robot_x + SENSOR_OFFSET * cosine
-    y = robot_y + SENSOR_OFFSET * sine
-    row = _row_at(row_of, x, y)
-    if row < 0:
-        return math.nan
-    sector = math.floor(axis * SECTORS_PER_RADIAN) % SECTORS
-    distance = nearest_listed(faces, seen, row, sector, x, y, cosine, sine)
-    if distance > seen[row, sector, LONGEST, 0]:
-        distance = nearest_of_all(faces, x, y, cosine, sine)
-    return distance
 
 
 @_jit

@@ -1,4 +1,4 @@
-"""Random numbers for many worlds: the streams of `simulator_stub.noise`, drawn in blocks for all at once.
+"""Random numbers for many worlds: the streams of `simulator_stub.world.noise`, drawn in blocks.
 
 Blocks form a chain: each is followed by the next one that was drawn. Whoever holds a block, a snapshot for
 one, finds the numbers that follow it there, and only who comes to the end of the chain draws. So copies of
@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simulator_stub.noise import NoiseRoot
-
-Floats = NDArray[np.float64]
+from ciberrato.arrays import Floats
+from simulator_stub.world.noise import NoiseRoot
 
 _BLOCK_NUMBERS = 2**19
 """Numbers drawn at a time, about, in all worlds together; of no influence on the numbers."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ciberrato.kinematics import ROBOT_RADIUS
-from ciberrato.lab import Lab
-from ciberrato.labtables import LabTables, tables_of
-from ciberrato.parameters import Parameters
-from ciberrato.startgrid import StartGrid
-from simulator_stub.world import World
+from ciberrato.infrared.face_tables import LabTables, tables_of
+from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+from simulator_stub.world.world import World
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

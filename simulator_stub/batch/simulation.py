@@ -11,21 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ciberrato.kinematics import MAX_POWER
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from ciberrato.arrays import Floats
+from ciberrato.physics.kinematics import MAX_POWER
 from ciberrato.protocol import DEFAULT_SENSOR_ANGLES
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
 from simulator_stub.batch import arrays
 from simulator_stub.batch.noise import BatchStream
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.readings import BatchReadings
 from simulator_stub.batch.state import BatchState
-from simulator_stub.noise import NoiseRoot
 from simulator_stub.sensors.ground import NOWHERE
 from simulator_stub.sensors.infrared import SENSORS
 from simulator_stub.sensors.line import SIDEWAYS
-
-Floats = NDArray[np.float64]
+from simulator_stub.world.noise import NoiseRoot
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +72,7 @@ class BatchSimulation:
 
     Examples
     --------
-    >>> from ciberrato.labfile import default_lab
+    >>> from ciberrato.files.lab import default_lab
     >>> batch = BatchSimulation(default_lab(), [(9.0, 3.0, 0.0)] * 3, seeds=[1, 2, 3])
     >>> readings = batch.step(np.full((3, 2), 0.1))
     >>> readings.time, readings.infrared.shape

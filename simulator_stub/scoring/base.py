@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 
 class Scoring:
@@ -24,6 +24,8 @@ class Scoring:
     documents : dict of str to str
         Files that the real simulator leaves in its working directory, by name. They appear when a robot
         begins at time 0, and each robot overwrites those of the one before.
+    notes : list of str
+        What people may want to know, a line each; whoever tells them takes it out.
     """
 
     mode: ClassVar[int]
@@ -38,6 +40,7 @@ class Scoring:
     def __init__(self, world: World) -> None:
         self.world = world
         self.documents: dict[str, str] = {}
+        self.notes: list[str] = []
 
     def begin(self, robot: Robot) -> None:
         """Prepare for a robot that is about to run for the first time, at time 0."""

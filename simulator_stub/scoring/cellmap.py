@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from ciberrato.geometry import WallMap
-from ciberrato.lab import CELL_SIZE, Lab
-from simulator_stub.scoring.cells import STEPS, Cell, cell_of, is_open
+from ciberrato.geometry.walls import WallMap
+from ciberrato.world.coordinates import Cell
+from ciberrato.world.lab import CELL_SIZE, Lab
+from simulator_stub.scoring.cells import STEPS, cell_of, is_open
 from simulator_stub.scoring.textmap import START, TextMap
 from simulator_stub.scoring.tours import Links, planning_text
 
@@ -35,12 +36,19 @@ class CellMap:
                 continue
             self._links[cell] = []
             for step in STEPS:
-                if is_open(walls, cell, step):
-                    neighbour = (cell[0] + step[0], cell[1] + step[1])
+                neighbour = (cell[0] + step[0], cell[1] + step[1])
+                if not self._is_inside(neighbour):
+                    self._walls.append((cell, step))
+                elif is_open(walls, cell, step):
                     self._links[cell].append((neighbour, CELL_SIZE))
                     waiting.append(neighbour)
                 else:
                     self._walls.append((cell, step))
+
+    def _is_inside(self, cell: Cell) -> bool:
+        """Whether the centre of a cell is in the lab: whoever starts outside would find no end there."""
+        x, y = (CELL_SIZE * (index + 0.5) for index in cell)
+        return 0.0 < x < self._lab.width and 0.0 < y < self._lab.height
 
     @property
     def links(self) -> Links[Cell]:

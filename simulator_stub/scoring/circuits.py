@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from simulator_stub.scoring.base import Scoring
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 NODE_REWARD = 10
 AWAY_PENALTY = 10
@@ -88,7 +88,12 @@ class CircuitScoring(Scoring):
 
     def begin(self, robot: Robot) -> None:
         """Find the circuit."""
-        self._progress[robot.robot_id] = Progress(self.find_circuit(robot.x, robot.y))
+        circuit = self.find_circuit(robot.x, robot.y)
+        if not circuit:
+            self.notes.append(
+                f"robot {robot.robot_id}: no circuit begins at its start; only collisions count"
+            )
+        self._progress[robot.robot_id] = Progress(circuit)
 
     def update(self, robot: Robot, time: int, robots: Sequence[Robot]) -> None:
         """Count one cycle. With EndLed on the rewards are lost, and the penalties stay."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from simulator_stub.scoring.cells import cell_of, is_open
-from simulator_stub.scoring.circuits import Circuit, CircuitScoring, Node, Progress, trace
+from simulator_stub.scoring.circuits import DIRECTIONS, Circuit, CircuitScoring, Node, Progress, trace
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 TURNS = (0, -90, 90)
 
@@ -20,12 +20,13 @@ class Control(CircuitScoring):
 
     def find_circuit(self, x: float, y: float) -> Circuit:
         """Find the circuit of cells."""
-        walls = self.world.walls
+        walls, lab = self.world.walls, self.world.lab
 
         def passes(cell: Node, step: tuple[int, int]) -> bool:
             return is_open(walls, cell, step)
 
-        return trace(cell_of(x, y), TURNS, passes)
+        # Who gets outside the border, as from the last column on the right, meets no wall any more.
+        return trace(cell_of(x, y), TURNS, passes, most=len(DIRECTIONS) * (lab.columns + 1) * (lab.rows + 1))
 
     def follow(self, robot: Robot, progress: Progress) -> None:
         """Give points in the coming cell; other cells do nothing."""

@@ -14,7 +14,7 @@ from simulator_stub.scoring.circuits import (
 )
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 TURNS = (-90, 0, 90)
 AHEAD = 0.5

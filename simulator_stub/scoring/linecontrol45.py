@@ -15,7 +15,7 @@ from simulator_stub.scoring.circuits import (
 )
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 TURNS = (-135, -90, -45, 0, 45, 90, 135)
 AHEAD = 0.2

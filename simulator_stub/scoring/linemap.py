@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from ciberrato.lab import CELL_SIZE, Lab
-from simulator_stub.floor import Floor
+from ciberrato.world.lab import CELL_SIZE, Lab
 from simulator_stub.scoring.circuits import DIRECTIONS
 from simulator_stub.scoring.textmap import START, TextMap
 from simulator_stub.scoring.tours import Links, planning_text
+from simulator_stub.world.floor import Floor
 
 Node = tuple[int, int]
 """Column and row of a place where both coordinates are even: half of them."""

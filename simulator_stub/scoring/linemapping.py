@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 from simulator_stub.scoring.linemap import LineMap
 from simulator_stub.scoring.mapping import MAPPING_FILE
+from simulator_stub.scoring.misfits import line_notes
 from simulator_stub.scoring.offline import OffLineScoring
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 
 class LineMapping(OffLineScoring):
@@ -21,3 +22,4 @@ class LineMapping(OffLineScoring):
     def begin(self, robot: Robot) -> None:
         """Write the map with the robot's start in the middle."""
         self.documents[MAPPING_FILE] = LineMap(self.world.lab, self.world.floor, robot.x, robot.y).mapping()
+        self.notes += line_notes(self.world.lab, robot)

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ciberrato.geometry import WallMap
+from ciberrato.geometry.walls import WallMap
 from simulator_stub.scoring.base import Scoring
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 OFF_LINE = 10
 """For each cycle off the lines."""

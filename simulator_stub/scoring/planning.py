@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from simulator_stub.scoring.cellmap import CellMap
+from simulator_stub.scoring.misfits import cell_notes
 from simulator_stub.scoring.targets import TargetScoring
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
+    from simulator_stub.world.robot import Robot
 
 PLANNING_FILE = "planning.out"
 
@@ -26,3 +27,4 @@ class Planning(TargetScoring):
         """Write the map as seen from the robot's start cell."""
         seen = CellMap(self.world.lab, self.world.walls, robot.x, robot.y)
         self.documents[PLANNING_FILE] = seen.planning()
+        self.notes += cell_notes(self.world.lab, robot, tour=True)

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ciberrato.discpath import PathsFrom, disc_paths
-from ciberrato.kinematics import ROBOT_RADIUS
-from simulator_stub.robot_state import RobotState
+from ciberrato.geometry.shortest_paths import PathsFrom, disc_paths
+from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.scoring.base import Scoring
+from simulator_stub.world.robot_state import RobotState
 
 if TYPE_CHECKING:
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 TARGET_REWARD = 100
 """For each target, and for signalling the return. The parameters of that name are not looked at."""
@@ -25,7 +25,7 @@ AWAY_PENALTY = 5
 NOT_FINISHED_PENALTY = 15
 """For a return that the end of time cuts short."""
 FAR = 2**31 - 1
-"""Most that a score shows; a robot that has no way back gets it."""
+"""Most that a score shows, however much farther than at the beginning a robot is from its start."""
 
 
 @dataclass(slots=True)
@@ -91,7 +91,7 @@ class TargetScoring(Scoring):
             account.points -= TARGET_REWARD
             account.arrival_distance = self._way_home(robot, account)
             account.departure = time
-            shown = TARGET_REWARD
+            shown = self._share_of_way(robot, account)
         elif robot.visiting_led:
             self._visit(robot, account)
             shown = TARGET_REWARD
@@ -103,12 +103,12 @@ class TargetScoring(Scoring):
         if time == self.world.parameters.sim_time and not robot.end_led:
             account.points += NOT_FINISHED_PENALTY
         robot.returning_time = time - account.departure
-        robot.score = min(account.points + self._share_of_way(robot, account), FAR)
         if "returning_led" in robot.received and robot.returning_led and self.may_return(robot):
             account.arrival_distance = self._way_home(robot, account)
             account.departure = time
         elif robot.visiting_led:
             self._visit(robot, account)
+        robot.score = min(account.points + self._share_of_way(robot, account), FAR)
 
     def _visit(self, robot: Robot, account: _Account) -> None:
         target = self._target_below(robot)
@@ -131,15 +131,15 @@ class TargetScoring(Scoring):
     def _share_of_way(self, robot: Robot, account: _Account) -> int:
         """Way home as a percentage of what it was when the return began, rounded down.
 
-        The real simulator keeps the way in single precision, but not what it compares it with, so that it
-        may be 99 at the very place where the return began. Where the return began at the start position it
-        divides by zero; we give 0.
+        The real simulator keeps the way, and a hundred times it, in single precision, but not what it divides
+        that by, so that the share may be 99 at the very place where the return began. It is 0 where the
+        return began at the start position, and where there is no way.
         """
-        if account.arrival_distance == 0.0:
+        way = self._way_home(robot, account)
+        if not 0.0 < account.arrival_distance < math.inf or way == math.inf:
             return 0
-        way = float(np.float32(self._way_home(robot, account)))
-        share = 100.0 * way / account.arrival_distance
-        return int(share) if share < FAR else FAR
+        hundredfold = float(np.float32(100.0 * float(np.float32(way))))
+        return int(min(hundredfold / account.arrival_distance, FAR))
 
     def _way_home(self, robot: Robot, account: _Account) -> float:
         if account.paths is None:

@@ -70,9 +70,13 @@ def best_tour(distances: Sequence[Sequence[float]]) -> tuple[tuple[int, ...], fl
     return (*tour, 0), length
 
 
+MOST_PLACES = 12
+"""Places of a tour. With more there is none: the real simulator, which tries all orders, would take hours."""
+
+
 def tour_lines(places: Sequence[Node], links: Links[Node]) -> str:
-    """Write the tour and its length as in planning.out; nothing with fewer than two places."""
-    if len(places) < 2:
+    """Write the tour and its length as in planning.out; nothing with fewer than two places, or too many."""
+    if not 2 <= len(places) <= MOST_PLACES:
         return ""
     distances = []
     for place in places:

@@ -8,17 +8,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ciberrato.anglerules import ray_distance_by_angles
-from ciberrato.angles import bearing
-from ciberrato.kinematics import wrap_angle
+from ciberrato.geometry.angles import bearing
+from ciberrato.infrared.on_face import ray_distance_by_angles
+from ciberrato.physics.kinematics import wrap_angle
 from ciberrato.protocol import BeaconReading
 from simulator_stub.sensors.base import Delay, Scene, Sensor
 
 if TYPE_CHECKING:
-    from ciberrato.lab import Beacon
-    from simulator_stub.noise import NoiseRoot
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from ciberrato.world.lab import Beacon
+    from simulator_stub.world.noise import NoiseRoot
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 
 ON_A_WALL = 1e-9

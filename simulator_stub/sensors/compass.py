@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ciberrato.angles import wrap_once
+from ciberrato.geometry.angles import wrap_once
 from simulator_stub.sensors.base import Delay, Scene, Sensor
 
 if TYPE_CHECKING:
-    from simulator_stub.noise import NoiseRoot
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.noise import NoiseRoot
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 
 class CompassSensor(Sensor):

@@ -9,9 +9,9 @@ from ciberrato.protocol import HeardMessage
 from simulator_stub.sensors.base import Scene, Sensor
 
 if TYPE_CHECKING:
-    from simulator_stub.noise import NoiseRoot
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.noise import NoiseRoot
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 REACH = 8.0
 """Units between the robots' centres at which nothing is heard any more."""

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ciberrato.infrared import CONTACT, SATURATION, SENSOR_OFFSET, other_robot_distance
-from ciberrato.kinematics import ROBOT_RADIUS
+from ciberrato.infrared.exact import exact_distance, hangs_on_rounding
+from ciberrato.infrared.model import CONTACT, SATURATION, SENSOR_OFFSET, other_robot_distance
+from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.sensors.base import Delay, Scene, Sensor
 
 if TYPE_CHECKING:
-    from simulator_stub.noise import NoiseRoot
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.noise import NoiseRoot
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 SENSORS = 4
 INFINITE = math.inf
@@ -44,6 +45,11 @@ class InfraredSensors(Sensor):
         """Measure the distances and turn them into readings."""
         directions = [robot.heading + angle for angle in self._angles]
         distances = self.world.distances(robot.x, robot.y, directions)
+        if self._deviation == 0.0:
+            for number, distance in enumerate(distances):
+                if hangs_on_rounding(distance):
+                    place = robot.x, robot.y, directions[number]
+                    distances[number] = exact_distance(self.world.walls, *place, SENSOR_OFFSET)
         for other in scene.robots if len(scene.robots) > 1 else ():
             # No part of the other is nearer to any sensor than this: mostly a wall is.
             least = math.hypot(other.x - robot.x, other.y - robot.y) - REACH

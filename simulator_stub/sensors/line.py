@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simulator_stub.floor import inside_any
 from simulator_stub.sensors.base import Scene, Sensor
+from simulator_stub.world.floor import inside_any
 
 if TYPE_CHECKING:
-    from simulator_stub.noise import NoiseRoot, Stream
-    from simulator_stub.robot import Robot
-    from simulator_stub.world import World
+    from simulator_stub.world.noise import NoiseRoot, Stream
+    from simulator_stub.world.robot import Robot
+    from simulator_stub.world.world import World
 
 AHEAD = 0.438
 """Units before the robot's centre."""

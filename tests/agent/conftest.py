@@ -17,20 +17,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.control.controller import Controller
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, round_reading, sensor_distances
-from ciberrato.kinematics import advance, clamp_power, filter_power
-from ciberrato.lab import Lab
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from agent.drives.right.controller import Controller
+from ciberrato.files.lab import read_lab
+from ciberrato.files.run_records import Cycle, RunHeader
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, round_reading, sensor_distances
+from ciberrato.labs import find_lab
+from ciberrato.physics.kinematics import advance, clamp_power, filter_power
 from ciberrato.protocol import Acceptance, Actions, Measures, decode_actions, decode_simulator_message, encode
-from ciberrato.runrecords import Cycle, RunHeader
-from maps import find_lab
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from tests.recordings import OWN
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)
-REPOSITORY = Path(__file__).parents[2]
-GOLDEN_FOLDERS = (REPOSITORY / "tests/data/golden", REPOSITORY.parent / "shared/golden")
 
 
 class World:
@@ -230,11 +229,7 @@ class Recording:
 @pytest.fixture(scope="session")
 def recording() -> Callable[[str], Recording]:
     def read(name: str) -> Recording:
-        for folder in GOLDEN_FOLDERS:
-            path = folder / "seed_runs" / name / "datagrams.jsonl"
-            if path.is_file():
-                return _read_recording(path)
-        pytest.skip(f"seed run {name} is not there")
+        return _read_recording(OWN / "seed_runs" / name / "datagrams.jsonl")
 
     return read
 

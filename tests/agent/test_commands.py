@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from agent.cli import main
-from ciberrato.parameters import Parameters
-from ciberrato.runlog import RunWriter
-from ciberrato.runrecords import RunHeader
+from ciberrato.files.run_log import RunWriter
+from ciberrato.files.run_records import RunHeader
+from ciberrato.world.parameters import Parameters
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -196,8 +196,8 @@ def test_signals_are_given_back_to_whoever_had_them() -> None:
 def test_the_command_line_offers_what_the_log_knows() -> None:
     from typing import get_args
 
-    from agent.commands import DISTANCES, PRESETS
-    from ciberrato.runrecords import DistanceModel, Preset
+    from agent.commands.parser import DISTANCES, PRESETS
+    from ciberrato.files.run_records import DistanceModel, Preset
 
     assert set(PRESETS) == set(get_args(Preset))
     assert set(DISTANCES) == set(get_args(DistanceModel))

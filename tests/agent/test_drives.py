@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.offline.ground_truth import pose_error
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import cell_openings
-from ciberrato.lab import Lab
-from ciberrato.labfile import read_lab
-from ciberrato.parameterfile import read_parameters
-from ciberrato.parameters import Parameters
-from maps import find_lab, find_parameters
+from agent.offline.expected_readings import pose_error
+from ciberrato.files.lab import read_lab
+from ciberrato.files.parameters import read_parameters
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import cell_openings
+from ciberrato.labs import find_lab, find_parameters
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
 
 DEFAULT = Parameters()
 

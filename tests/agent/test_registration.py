@@ -11,8 +11,8 @@ from agent.run.reporter import Reporter
 from agent.run.signals import Interrupts
 from ciberrato.errors import UsageError
 from ciberrato.net import LinkClosedError, LinkError, TcpLink, UdpLink
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, Measures, Refusal, RobotRegistration, decode_registration, encode
+from ciberrato.world.parameters import Parameters
 
 ROBOT = RobotRegistration(name="santos", robot_id=3, sensor_angles=((0, 0.0),))
 YES = encode(Acceptance(parameters=Parameters(), n_beacons=1))

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-import agent.offline.ground_truth
+import agent.offline.expected_readings
 import agent.run.session
 from agent.cli import main
-from ciberrato.belieffile import read_beliefs
 from ciberrato.errors import LabError
+from ciberrato.files.beliefs import read_beliefs
+from ciberrato.files.run_log import RunWriter, read_run
 from ciberrato.net import LinkClosedError, LinkError
 from ciberrato.net.link import Arrival
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, Actions, Measures, Refusal, decode_actions, encode
-from ciberrato.runlog import RunWriter, read_run
+from ciberrato.world.parameters import Parameters
 
 PARAMETERS = Parameters(motors_noise=0.0)
 
@@ -163,7 +163,7 @@ def test_a_worker_that_fails_ends_the_run_and_the_log_stays(
     def fail(*arguments: object, **options: object) -> None:
         raise LabError("this lab is broken", source="lab.xml")
 
-    monkeypatch.setattr(agent.offline.ground_truth, "compute_ground_truth", fail)
+    monkeypatch.setattr(agent.offline.expected_readings, "compute_expected_readings", fail)
     status, _ = run([ACCEPTED, measures(0)], *([measures(time)] for time in range(1, 5)))
     assert status == 2
     errors = capsys.readouterr().err

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from agent.cli import main
-from agent.offline.simulatorlog import is_simulator_log, run_from_simulator_log
-from ciberrato.belieffile import read_beliefs
+from agent.offline.simulator_log import is_simulator_log, run_from_simulator_log
 from ciberrato.errors import LabError, UsageError
+from ciberrato.files.beliefs import read_beliefs
 
 DATA = Path(__file__).parents[1] / "data" / "golden" / "logs"
 FACTORY = (0.0, 60.0, -60.0, 180.0)

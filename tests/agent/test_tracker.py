@@ -4,15 +4,15 @@ import csv
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from agent.control.tracker import CellTracker, Crossing
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from agent.drives.right.tracker import CellTracker, Crossing
 from ciberrato.protocol import Measures
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from tests.recordings import OWN
 
 ANGLES = (0.0, 90.0, -90.0, 180.0)
 NOISE_FREE = Parameters(motors_noise=0.0)
@@ -45,11 +45,8 @@ def test_noise_free_recordings_cross_where_the_published_method_does(
 def test_noisy_recording_crosses_the_cells_truly_entered(recording: Any) -> None:
     """The original agent dreams up 23 cells after its robot sticks at x = 15.7; five were entered."""
     found = crossings(recording("default_noise_pos1"))
-    for folder in (Path(__file__).parents[1] / "data/golden", Path(__file__).parents[3] / "shared/golden"):
-        path = folder / "seed_runs/default_noise_pos1/truth.csv"
-        if path.is_file():
-            rows = csv.DictReader(path.read_text().splitlines())
-            truth = {int(row["time"]): float(row["x"]) for row in rows}
+    rows = csv.DictReader((OWN / "seed_runs/default_noise_pos1/truth.csv").read_text().splitlines())
+    truth = {int(row["time"]): float(row["x"]) for row in rows}
     assert [truth[crossing.time] for crossing in found] == pytest.approx([5, 7, 9, 11, 13, 15], abs=0.06)
     assert max(truth.values()) < 17.0
 

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from agent.control.pose import Pose
-from agent.control.wallcues import WallAhead, reading_variance, side_explanations
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import cell_openings, ideal_reading, sensor_distances
-from ciberrato.lab import Lab
-from ciberrato.labfile import read_lab
-from maps import find_lab
+from agent.drives.right.row_ekf import Pose
+from agent.drives.right.wall_cues import WallAhead, reading_variance, side_explanations
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import cell_openings, ideal_reading, sensor_distances
+from ciberrato.labs import find_lab
+from ciberrato.world.lab import Lab
 
 
 @pytest.mark.parametrize("side", [1, -1])

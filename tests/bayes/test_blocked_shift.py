@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -88,6 +90,7 @@ def test_a_direction_alone_is_one_step():
         lambda: BlockedShift(openings=Openings.free(2, 2)).predict(np.ones((2, 2)), "up"),
         lambda: BlockedShift(openings=Openings.free(2, 2)).predict(np.ones((2, 2)), ("east", -1)),
     ],
+    ids=itertools.count(),
 )
 def test_what_does_not_fit_is_refused(make):
     with pytest.raises(ValueError):  # noqa: PT011  each has its own words

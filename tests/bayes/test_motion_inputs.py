@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import tracemalloc
 
 import numpy as np
 import pytest
 
-from ciberrato.bayes.filtering import MarkovFilter
+from ciberrato.bayes import MarkovFilter
 from ciberrato.bayes.motion.blocked_shift import BlockedShift, Openings
 from ciberrato.bayes.motion.carried import Carried
 from ciberrato.bayes.motion.gaussian_shift import GaussianShift
@@ -83,7 +84,7 @@ WILD = [
 ]
 
 
-@pytest.mark.parametrize("act", WILD)
+@pytest.mark.parametrize("act", WILD, ids=itertools.count())
 def test_wild_motion_is_a_named_error_in_little_memory(act):
     tracemalloc.start()
     try:
@@ -112,6 +113,7 @@ def test_wild_motion_is_a_named_error_in_little_memory(act):
         lambda: TransitionMatrix(matrices={0: np.ones((2, 3)) / 3}),
         lambda: TransitionMatrix(matrices={0: np.array([[math.nan, 0.0], [0.0, 1.0]])}),
     ],
+    ids=itertools.count(),
 )
 def test_what_is_no_command_is_refused(act):
     with pytest.raises(ValueError, match=r"must be|needs|no |is not|does not|command|entry"):

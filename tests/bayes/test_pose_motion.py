@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -381,6 +382,7 @@ def test_wheels_at_a_wall_stay_and_turn():
         lambda: DifferentialWheels(space=COURSE, base=0.0),
         lambda: DifferentialWheels(space=COURSE, base=1.0, response=1.5),
     ],
+    ids=itertools.count(),
 )
 def test_what_is_no_motion_is_refused(make):
     with pytest.raises(ValueError):  # noqa: PT011  each has its own words

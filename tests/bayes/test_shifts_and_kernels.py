@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -203,6 +204,7 @@ def test_prediction_on_a_circle_commutes_with_rotation(seed, shift, control, sig
         lambda: TransitionMatrix(matrices={0: np.array([[0.9, 0.2], [0.0, 1.0]])}),
         lambda: TransitionMatrix(matrices={0: np.array([[1.1, -0.1], [0.0, 1.0]])}),
     ],
+    ids=itertools.count(),
 )
 def test_what_is_no_motion_is_refused(make):
     with pytest.raises(ValueError):  # noqa: PT011  each has its own words

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -65,6 +66,7 @@ def test_values_at_the_edges_fall_inside_or_are_refused():
         lambda: line(3).axis("y"),
         lambda: rectangle((2, 2)).index([1.0]),
     ],
+    ids=itertools.count(),
 )
 def test_impossible_spaces_are_refused(make):
     with pytest.raises(ValueError):  # noqa: PT011  each has its own words

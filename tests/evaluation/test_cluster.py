@@ -3,17 +3,19 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
 
 from ciberrato.errors import UsageError
-from evaluation import cluster
-from evaluation.runner import read_evaluation, run_tasks
-from evaluation.task import Task
+from ciberrato.evaluation import cluster
+from ciberrato.evaluation.runner import read_evaluation, run_tasks
+from ciberrato.evaluation.task import Task
 
 distributed = pytest.importorskip("distributed")
 
+PATIENCE = 300.0  # seconds; only a failure takes so long
 TIMES = ("filter_ms", "drive_ms", "ms_counts")
 SMALL = """<Lab Name="small" Height="4" Width="6">
   <Wall Height="4"><Corner X="1.9" Y="2"/><Corner X="2.1" Y="2"/><Corner X="2" Y="4"/></Wall>
@@ -83,7 +85,7 @@ def test_a_cluster_without_workers_and_none_at_all_are_told_in_a_line(tasks):
 
 def test_what_a_worker_raises_loses_its_own_task_only(address, tasks, monkeypatch):
     def deadly(task):
-        from evaluation.runner import attempt
+        from ciberrato.evaluation.attempt import attempt
 
         if task.seed == 1:
             raise MemoryError("so much for the worker")
@@ -95,19 +97,49 @@ def test_what_a_worker_raises_loses_its_own_task_only(address, tasks, monkeypatc
     assert found[0].outcome.cycles == found[2].outcome.cycles == 20
 
 
-def test_an_interrupted_evaluation_ends_at_once_and_takes_its_tasks_back(tasks, tmp_path):
+@pytest.fixture
+def one_by_one(monkeypatch):
+    """Let the worker, a thread of this process, finish a task, and keep it in the next until released."""
+    from ciberrato.evaluation import episode
+
+    run_task, begun, released = episode.run_task, [], threading.Event()
+
+    def hesitant(task):
+        begun.append(task)
+        if len(begun) > 1:
+            assert released.wait(PATIENCE)
+        return run_task(task)
+
+    monkeypatch.setattr(episode, "run_task", hesitant)
+    yield begun, released
+    released.set()
+
+
+def test_an_interrupted_evaluation_ends_at_once_and_takes_its_tasks_back(tasks, tmp_path, one_by_one):
+    output, (begun, released) = tmp_path / "out.jsonl", one_by_one
     with workers(1) as one:
         command = [
-            *(sys.executable, "-m", "evaluation", "--lab", "small_lab.xml", "--seeds", "500"),
-            *("--cycles", "50", "--resolution", "0.5", "--output", str(tmp_path / "out.jsonl"), "--quiet"),
+            *(sys.executable, "-m", "ciberrato.evaluation", "--lab", "small_lab.xml", "--seeds", "500"),
+            *("--cycles", "20", "--resolution", "0.5", "--output", str(output), "--quiet"),
             *("--scheduler", one.scheduler_address),
         ]
-        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
-        deadline = time.monotonic() + 60.0
-        while not read_evaluation(tmp_path / "out.jsonl").results and time.monotonic() < deadline:
-            time.sleep(0.05)
-        process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=20)
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as process:
+            try:
+                wait_until(lambda: len(read_evaluation(output).results) == 1 and len(begun) == 2)
+                process.send_signal(signal.SIGINT)
+                _, error = process.communicate(timeout=PATIENCE)
+            finally:
+                process.kill()
         assert process.returncode == 130
-        assert error.count("\n") == 2
-        assert 0 < len(read_evaluation(tmp_path / "out.jsonl").results) < 500
+        assert error == "\nciberrato-evaluate: interrupted; the same command goes on from here\n"
+        wait_until(lambda: not one.scheduler.tasks)
+        released.set()
+    assert len(begun) == 2
+    assert len(read_evaluation(output).results) == 1
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)

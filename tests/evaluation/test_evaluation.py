@@ -7,15 +7,16 @@ import math
 
 import pytest
 
-from ciberrato.labfile import read_lab
-from evaluation.cli import main
-from evaluation.comparison import compare
-from evaluation.episode import run_task
-from evaluation.labs import judged_labs, public_labs, tuning_labs
-from evaluation.published import Compared, Order, Step
-from evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
-from evaluation.runner import Result, read_evaluation, run_tasks
-from evaluation.task import Outcome, Task
+from ciberrato.evaluation.attempt import Result
+from ciberrato.evaluation.cli import main
+from ciberrato.evaluation.comparison import compare
+from ciberrato.evaluation.episode import run_task
+from ciberrato.evaluation.labs import judged_labs, public_labs, tuning_labs
+from ciberrato.evaluation.published import Compared, LabTask, Step
+from ciberrato.evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
+from ciberrato.evaluation.runner import read_evaluation, run_tasks
+from ciberrato.evaluation.task import Outcome, Task
+from ciberrato.files.lab import read_lab
 
 SMALL = """<Lab Name="small" Height="6" Width="8">
   <Wall Height="4">
@@ -146,7 +147,7 @@ def test_what_a_task_raises_is_told_with_its_place(lab_file, tmp_path, monkeypat
     def broken(task):
         return 1 / 0
 
-    monkeypatch.setattr("evaluation.episode.run_task", broken)
+    monkeypatch.setattr("ciberrato.evaluation.episode.run_task", broken)
     result = run_tasks([Task(lab=str(lab_file))], tmp_path / "x.jsonl", jobs=1, progress=None)
     assert result.failures[0].error.startswith("ZeroDivisionError: division by zero (test_evaluation.py:")
 
@@ -156,7 +157,7 @@ def test_a_robot_that_stands_for_good_is_counted_to_the_end(monkeypatch):
     short = run_task(task)
     assert short.rested is not None
     assert short.rested < 200
-    monkeypatch.setattr("evaluation.episode._AT_REST", 1000)
+    monkeypatch.setattr("ciberrato.evaluation.episode._AT_REST", 1000)
     whole = run_task(task)
     assert whole.rested is None
     expected, found = timeless(whole), timeless(short)
@@ -275,9 +276,13 @@ def test_outcomes_of_older_versions_are_read(tmp_path, capsys):
         ["--drive", "backwards"],
         ["--report", "--output", "does-not-exist.jsonl"],
         ["--lab", "judged", "--labs", "does-not-exist"],
+        ["--lab", "judged", "--labs", "."],
+        ["--lab", "judged"],
     ],
 )
-def test_what_the_user_got_wrong_is_one_line(arguments, capsys):
+def test_what_the_user_got_wrong_is_one_line(arguments, capsys, tmp_path, monkeypatch):
+    monkeypatch.delenv("CIBERRATO_LABS", raising=False)
+    monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -287,6 +292,32 @@ def test_a_file_of_something_else_is_an_error_with_its_line(tmp_path, capsys):
     path.write_text(json.dumps({"task": dataclasses.asdict(Task(lab="a"))}) + "\n")
     assert main(["--report", "--output", str(path)]) == 2
     assert ":1:" in capsys.readouterr().err
+
+
+def test_public_labs_come_by_option_or_variable(tmp_path, monkeypatch):
+    for folder in ("named", "told"):
+        for number, event in enumerate(("A", "B")):
+            (tmp_path / folder / event).mkdir(parents=True)
+            (tmp_path / folder / event / "lab.xml").write_text(SMALL.replace("6.1", f"6.{number + 2}"))
+    monkeypatch.setenv("CIBERRATO_LABS", str(tmp_path / "named"))
+    common = [
+        "--lab",
+        "judged",
+        "--seeds",
+        "1",
+        "--cycles",
+        "1",
+        "--resolution",
+        "0.5",
+        "--jobs",
+        "1",
+        "--quiet",
+    ]
+    for folder, more in (("named", []), ("told", ["--labs", str(tmp_path / "told")])):
+        path = tmp_path / f"{folder}.jsonl"
+        assert main([*common, *more, "--output", str(path)]) == 0
+        labs = {result.task.lab for result in read_evaluation(path).results}
+        assert labs == {str(lab.path) for lab in judged_labs(tmp_path / folder)} != set()
 
 
 def test_labs_are_chosen_by_the_rule(tmp_path):
@@ -326,7 +357,7 @@ def test_a_strip_beside_the_cells_belongs_to_the_last_ones(tmp_path, capsys):
 
 def test_worse_is_said_where_it_is_so():
     def compared(published, ours):
-        return Compared(Order("a", 0.1, 1), ((Step(0, published, ours),),))
+        return Compared(LabTask("a", 0.1, 1), ((Step(0, published, ours),),))
 
     assert not compared((0.5, 1.0), (0.5, 1.0)).worse
     assert not compared((0.5, 0.5), (0.9, 1.0)).worse
@@ -334,4 +365,4 @@ def test_worse_is_said_where_it_is_so():
     assert compared((0.5, 1.0), (0.9, 0.0)).worse
     # The last steps count by themselves.
     good, bad = Step(0, (0.1, 0.0), (0.9, 1.0)), Step(1, (0.9, 1.0), (0.5, 1.0))
-    assert Compared(Order("a", 0.1, 1), ((good, bad),)).worse
+    assert Compared(LabTask("a", 0.1, 1), ((good, bad),)).worse

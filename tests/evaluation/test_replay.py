@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.cli import main
-from evaluation.replay import Moment, Replay, read_recording, replay_table, verdict
+from ciberrato.evaluation.cli import main
+from ciberrato.evaluation.replay import Moment, Replay, read_recording, replay_table, verdict
 
 RUNS = Path(__file__).parents[1] / "data/golden/seed_runs"
 
@@ -41,8 +41,8 @@ def test_a_recording_of_the_original_is_told_from_ours(tmp_path, capsys, monkeyp
     run, figures = RUNS / "noise_free_pos5", tmp_path / "figures"
     assert len(read_recording(run).inputs) > 400
     # Coarse tables for both stages: this is about the comparison, not about the filter.
-    monkeypatch.setattr("evaluation.replay.FINE", 0.5)
-    monkeypatch.setattr("evaluation.replay.COARSE", 0.5)
+    monkeypatch.setattr("ciberrato.evaluation.replay.FINE", 0.5)
+    monkeypatch.setattr("ciberrato.evaluation.replay.COARSE", 0.5)
     assert main(["--replay", str(run), "--lab", "standard", "--figures", str(figures)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "in 3 cells" in lines[0]
@@ -60,8 +60,8 @@ def test_what_is_no_recording_is_a_line(tmp_path, capsys):
 
 @pytest.mark.parametrize("name", ["noise_free_pos1", "default_noise_pos1"])
 def test_the_times_of_the_originals_blocks_are_found(name):
-    from ciberrato.belieffile import read_beliefs
-    from evaluation.replay import _reading_times
+    from ciberrato.evaluation.replay import _reading_times
+    from ciberrato.files.beliefs import read_beliefs
 
     run = RUNS / name
     times = _reading_times(read_recording(run))

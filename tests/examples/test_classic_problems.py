@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ciberrato.infrared import cell_readings
-from ciberrato.labfile import default_lab
+from ciberrato.files.lab import default_lab
+from ciberrato.infrared.model import cell_readings
 from examples import PROBLEMS, ciberrato_grid, cli, hallway, lecture, museum, pose_grid, road
 
 ROOT = Path(__file__).parents[2]

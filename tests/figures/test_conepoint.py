@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from agent.views.figures.conepoint import nearest_point, sensor_point
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import nearest_in_cone, sensor_distances
-from ciberrato.labfile import read_lab
-from maps import find_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import nearest_in_cone, sensor_distances
+from ciberrato.labs import find_lab
 
 
 @pytest.mark.parametrize("lab_name", ["standard", "rooms", "diagonals"])

@@ -4,16 +4,16 @@ import socket
 
 import numpy as np
 
-from agent.offline.ground_truth import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import localize
 from agent.views.overlaying import belief_overlay, live_belief_overlay, pose_overlay, show_overlays
-from ciberrato.labfile import read_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.files.run_log import RunWriter
+from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
+from ciberrato.labs import find_lab
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import decode_overlay
-from ciberrato.parameters import Parameters
-from ciberrato.runlog import RunWriter
-from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
-from maps import find_lab
+from ciberrato.world.parameters import Parameters
 
 LAB = read_lab(find_lab("standard"))
 ANGLES = (0.0, 90.0, -90.0, 180.0)
@@ -29,7 +29,7 @@ HEADER = RunHeader(
 
 def run_of(cells):
     """A run with ideal readings in the given columns of row 3, and half a cell more."""
-    truth = compute_ground_truth(LAB, ANGLES)
+    truth = compute_expected_readings(LAB, ANGLES)
     cycles = []
     for step, column in enumerate(cells):
         readings = tuple(float(value) for value in truth.readings[3, column].round(1))

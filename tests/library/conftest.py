@@ -5,37 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab, Wall
-from ciberrato.labfile import read_lab
-from maps import find_lab
-
-REPOSITORY = Path(__file__).parents[2]
-OWN = REPOSITORY / "tests/data/golden"
-SHARED = REPOSITORY / "../shared/golden"
-LABS = REPOSITORY / "../shared/labs"
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.labs import find_lab
+from ciberrato.world.lab import Lab, Wall
+from tests.recordings import OWN
 
 
 @pytest.fixture(scope="session")
 def golden() -> Path:
     """Recordings that come with the tests."""
     return OWN
-
-
-@pytest.fixture(scope="session")
-def shared_golden() -> Path:
-    """All recordings; the test is skipped where they are not."""
-    if not SHARED.is_dir():
-        pytest.skip("the full set of recordings is not here")
-    return SHARED
-
-
-@pytest.fixture(scope="session")
-def labs() -> Path:
-    """The public labs; the test is skipped where they are not."""
-    if not LABS.is_dir():
-        pytest.skip("the public labs are not here")
-    return LABS
 
 
 @pytest.fixture(scope="session")

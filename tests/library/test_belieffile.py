@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ciberrato.atomic import TEMPORARY_SUFFIX
-from ciberrato.belieffile import format_beliefs, parse_beliefs, read_beliefs, write_beliefs
 from ciberrato.errors import LabError, UsageError
+from ciberrato.files.atomic import TEMPORARY_SUFFIX
+from ciberrato.files.beliefs import format_beliefs, parse_beliefs, read_beliefs, write_beliefs
 
 
 def uniform(rows=2, columns=3):

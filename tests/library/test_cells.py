@@ -8,8 +8,9 @@ import re
 import numpy as np
 import pytest
 
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import (
+from ciberrato.files.lab import default_lab, read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import (
     cell_centres,
     cell_openings,
     cell_readings,
@@ -18,9 +19,8 @@ from ciberrato.infrared import (
     round_reading,
     sensor_distances,
 )
-from ciberrato.lab import Lab, Wall
-from ciberrato.labfile import default_lab, read_lab
-from maps import find_lab, names
+from ciberrato.labs import find_lab, names
+from ciberrato.world.lab import Lab, Wall
 
 
 def test_centres_from_the_bottom_left():

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from ciberrato.collisions import resolve_collisions, settle
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.physics.collisions import resolve_collisions, settle
+from ciberrato.world.lab import Lab
 
 WALLS = WallMap.from_lab(Lab(width=20.0, height=10.0))
 

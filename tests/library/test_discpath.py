@@ -8,11 +8,11 @@ import math
 import numpy as np
 import pytest
 
-from ciberrato.discpath import DiscPaths
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab, Wall
-from ciberrato.labfile import read_lab
-from maps import find_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.shortest_paths import DiscPaths
+from ciberrato.geometry.walls import WallMap
+from ciberrato.labs import find_lab
+from ciberrato.world.lab import Lab, Wall
 
 RADIUS = 0.5
 

@@ -9,10 +9,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab, Wall
-from ciberrato.labfile import default_lab, read_lab
-from maps import find_lab, names
+from ciberrato.files.lab import default_lab, read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.labs import find_lab, names
+from ciberrato.world.lab import Lab, Wall
 
 SPACING = 0.002
 
@@ -94,7 +94,7 @@ def test_touches_is_distance_below_the_radius_to_the_last_bit(walls, rng):
 
 
 def test_touches_beyond_the_list_of_near_faces(monkeypatch, clutter, rng):
-    monkeypatch.setattr("ciberrato.nearby._MAX_FACES", 5)
+    monkeypatch.setattr("ciberrato.geometry.nearest_faces._MAX_FACES", 5)
     walls = WallMap.from_lab(clutter)
     x, y = rng.uniform(0.0, 12.0, 50), rng.uniform(0.0, 9.0, 50)
     touches = [walls.touches(*point, 2.5) for point in zip(x.tolist(), y.tolist(), strict=True)]
@@ -102,7 +102,7 @@ def test_touches_beyond_the_list_of_near_faces(monkeypatch, clutter, rng):
 
 
 def test_memory_for_squares_is_bounded(monkeypatch, walls):
-    monkeypatch.setattr("ciberrato.nearby._MAX_SQUARES", 20)
+    monkeypatch.setattr("ciberrato.geometry.nearest_faces._MAX_SQUARES", 20)
     fresh = WallMap.from_lab(Lab(width=50.0, height=50.0))
     for x in range(50):
         assert fresh.touches(x + 0.5, 25.0, 0.6) == (x in (0, 49))

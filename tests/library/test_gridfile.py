@@ -3,9 +3,9 @@ from __future__ import annotations
 import pytest
 
 from ciberrato.errors import LabError
-from ciberrato.gridfile import default_grid, parse_grid, parse_grid_with_warnings, read_grid
-from ciberrato.startgrid import GridPosition
-from maps import find_grid, names
+from ciberrato.files.start_grid import default_grid, parse_grid, parse_grid_with_warnings, read_grid
+from ciberrato.labs import find_grid, names
+from ciberrato.world.start_grid import GridPosition
 
 
 def test_built_in_grid():

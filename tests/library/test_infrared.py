@@ -8,9 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from ciberrato.anglerules import distance_by_angles
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import (
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import (
     HALF_APERTURE,
     SENSOR_OFFSET,
     distances_at,
@@ -20,9 +19,10 @@ from ciberrato.infrared import (
     round_reading,
     sensor_distances,
 )
-from ciberrato.kinematics import wrap_angle
-from ciberrato.lab import Lab, Wall
-from maps import names
+from ciberrato.infrared.on_face import distance_by_angles
+from ciberrato.labs import names
+from ciberrato.physics.kinematics import wrap_angle
+from ciberrato.world.lab import Lab, Wall
 
 SPACING = 0.002
 
@@ -94,7 +94,7 @@ def test_one_robot_and_many_agree(shipped, rng, name):
 
 
 def test_one_robot_sees_beyond_the_list_of_near_faces(monkeypatch, clutter, rng):
-    monkeypatch.setattr("ciberrato.viewlists.LONGEST", 4)
+    monkeypatch.setattr("ciberrato.geometry.visible_faces.LONGEST", 4)
     walls = WallMap.from_lab(clutter)
     x, y, direction = poses(walls, rng, 100)
     single = [

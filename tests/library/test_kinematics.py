@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ciberrato.kinematics import MAX_POWER, advance, clamp_power, filter_power, wrap_angle
+from ciberrato.physics.kinematics import MAX_POWER, advance, clamp_power, filter_power, wrap_angle
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ciberrato.errors import LabError
-from ciberrato.lab import Beacon, Target
-from ciberrato.labfile import (
+from ciberrato.files.lab import (
     default_lab,
     parse_lab,
     parse_lab_with_warnings,
@@ -17,8 +16,10 @@ from ciberrato.labfile import (
     read_lab_with_warnings,
     total_turn,
 )
-from ciberrato.rowpattern import row_walls
-from maps import find_lab, names
+from ciberrato.files.row_pattern import row_walls
+from ciberrato.labs import find_lab, names
+from ciberrato.world.lab import Beacon, Target
+from tests.recordings import LABS, needs
 
 
 def lab(inside: str, attributes: str = 'Name="Q" Width="28" Height="14"') -> bytes:
@@ -39,10 +40,11 @@ def test_labs_that_ship_are_read_without_warnings():
         assert read_lab_with_warnings(find_lab(name))[1] == ()
 
 
-def test_public_labs_give_warnings_with_file_and_line(labs):
+@needs("CIBERRATO_LABS")
+def test_public_labs_give_warnings_with_file_and_line():
     warnings = [
         warning
-        for path in sorted(labs.rglob("*ab*.xml"))
+        for path in sorted(LABS.rglob("*ab*.xml"))
         if b"<Lab" in path.read_bytes()
         for warning in read_lab_with_warnings(path)[1]
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ciberrato.mapscores import MAP_COLUMNS, MAP_LINES, map_faults, mapping_score, planning_score
+from ciberrato.files.map_scores import MAP_COLUMNS, MAP_LINES, map_faults, mapping_score, planning_score
 
 
 def text_map(*marks):

@@ -3,9 +3,9 @@ from __future__ import annotations
 import pytest
 
 from ciberrato.errors import LabError
-from ciberrato.parameterfile import parse_parameters, parse_parameters_with_warnings, read_parameters
-from ciberrato.parameters import Parameters
-from maps import find_parameters
+from ciberrato.files.parameters import parse_parameters, parse_parameters_with_warnings, read_parameters
+from ciberrato.labs import find_parameters
+from ciberrato.world.parameters import Parameters
 
 
 def test_an_empty_element_keeps_the_defaults():

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, reading_log_likelihood, round_reading, sensor_distances
-from ciberrato.labfile import read_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, reading_log_likelihood, round_reading, sensor_distances
+from tests.recordings import GOLDEN, LABS, needs
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.03, 0.1, 0.4, 1.0, 5.0])
@@ -74,15 +75,16 @@ def test_simulated_noise_and_rounding(rng):
 
 
 @pytest.mark.parametrize(("run", "sigma"), [("n2_near_walls", 0.5), ("n3_heading180", 0.1)])
-def test_the_real_simulator_s_noise(shared_golden, labs, run, sigma):
+@needs("CIBERRATO_GOLDEN", "CIBERRATO_LABS")
+def test_the_real_simulator_s_noise(run, sigma):
     """Four thousand cycles at a standstill: counts of readings, sensor by sensor."""
-    meta = json.loads((shared_golden / f"noise/{run}.meta.json").read_text(encoding="utf-8"))
+    meta = json.loads((GOLDEN / f"noise/{run}.meta.json").read_text(encoding="utf-8"))
     assert meta["param"]["ObstacleNoise"] == sigma
     x, y, heading = meta["pose"]
     angles = np.array([0.0, 60.0, -60.0, 180.0])
-    walls = WallMap.from_lab(read_lab(labs / meta["lab"]))
+    walls = WallMap.from_lab(read_lab(LABS / meta["lab"]))
     ideals = ideal_reading(sensor_distances(walls, x, y, np.deg2rad(heading + angles)))
-    with gzip.open(shared_golden / f"noise/{run}.csv.gz", "rt", encoding="utf-8", newline="") as file:
+    with gzip.open(GOLDEN / f"noise/{run}.csv.gz", "rt", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for sensor, ideal in enumerate(ideals):
         codes, counts = np.unique([round(10 * float(row[f"ir{sensor}"])) for row in rows], return_counts=True)

@@ -1,15 +1,16 @@
 """The agent's log: what is written is read back; broken logs are refused by line."""
 
 import dataclasses
+import itertools
 import json
 from pathlib import Path
 
 import pytest
 
 from ciberrato.errors import LabError
-from ciberrato.parameters import Parameters
-from ciberrato.runlog import RunWriter, read_run
-from ciberrato.runrecords import Cycle, RecordedRun, RunHeader
+from ciberrato.files.run_log import RunWriter, read_run
+from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
+from ciberrato.world.parameters import Parameters
 
 HEADER = RunHeader(
     lab_name="corridors_lab.xml",
@@ -110,6 +111,7 @@ def _change(line: str, **values: object) -> str:
         (3, lambda line: _change(line, command="none"), ":3: command"),
         (4, lambda line: _change(line, step=2), ":4: step 2 where step 1 was due"),
     ],
+    ids=itertools.count(),
 )
 def test_broken_lines_are_named(log: Path, number: int, broken, complaint: str) -> None:
     lines = log.read_text().splitlines()
@@ -129,7 +131,7 @@ def test_missing_and_unreadable_files(tmp_path: Path) -> None:
 
 
 def test_every_field_type_is_checked() -> None:
-    from ciberrato.runlog import _CHECKS
+    from ciberrato.files.run_log import _CHECKS
 
     for kind in (RunHeader, Cycle, Parameters):
         for field in dataclasses.fields(kind):

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gzip
+import itertools
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -8,13 +9,12 @@ from pathlib import Path
 import pytest
 
 from ciberrato.errors import LabError, UsageError
-from ciberrato.labfile import read_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.files.simulator_log import LogStream, read_simulator_log
 from ciberrato.protocol import Actions
-from ciberrato.simlog import LogStream, read_simulator_log
+from tests.recordings import OWN
 
-REPOSITORY = Path(__file__).parents[2]
-LOG2 = REPOSITORY / "tests/data/golden/logs/log2_two_robots"
-LOG1 = REPOSITORY / "../shared/golden/logs/log1_c4_noise_leds"
+LOG1, LOG2 = (OWN / "logs" / name for name in ("log1_c4_noise_leds", "log2_two_robots"))
 
 
 def text_of(folder: Path) -> str:
@@ -50,7 +50,6 @@ def test_a_log_of_the_real_simulator_is_read_whole() -> None:
     assert log.records[0].robot(3) is None
 
 
-@pytest.mark.skipif(not LOG1.exists(), reason="the recordings that are not copied here are absent")
 def test_all_sensors_and_leds_are_read() -> None:
     log = read_simulator_log(LOG1 / "sim.log.gz")
     robot = log.records[120].robots[0]
@@ -125,6 +124,7 @@ def test_records_come_one_by_one_in_constant_memory(log_file: Path) -> None:
             "nested too deeply",
         ),
     ],
+    ids=itertools.count(),
 )
 def test_what_is_no_log_is_refused_with_its_line(
     log_file: Path, change: Callable[[str], str], line: int | None, problem: str

@@ -5,9 +5,9 @@ import os
 
 import pytest
 
-from ciberrato import xmlfile
 from ciberrato.errors import CiberratoError, LabError, UsageError
-from ciberrato.labfile import read_lab
+from ciberrato.files import xml as xmlfile
+from ciberrato.files.lab import read_lab
 
 
 def test_a_missing_file(tmp_path):

@@ -8,10 +8,10 @@ import pytest
 from agent.offline.summary import heat_map, peak, step_table
 from agent.views.figures import belief_panels
 from agent.views.inspection import inspect
-from ciberrato.belieffile import write_beliefs
 from ciberrato.errors import UsageError
-from ciberrato.lab import Lab
-from ciberrato.labfile import default_lab
+from ciberrato.files.beliefs import write_beliefs
+from ciberrato.files.lab import default_lab
+from ciberrato.world.lab import Lab
 
 
 def inspected(path, **options):

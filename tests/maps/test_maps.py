@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-import maps
+from ciberrato import labs as maps
 from ciberrato.errors import UsageError
-from maps import find_grid, find_lab, find_parameters, names
+from ciberrato.labs import find_grid, find_lab, find_parameters, names
 
-FOLDER = Path(maps.__file__).parent
+FOLDER = Path(maps.__file__).parents[1] / "maps"  # data beside the packages; in a wheel inside ciberrato
 
 
 def test_every_file_that_ships_is_found_by_name():

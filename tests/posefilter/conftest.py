@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from agent.pose_filter.tables import PoseTables, build_tables
-from ciberrato.lab import Lab, Wall
+from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
+from ciberrato.world.lab import Lab, Wall
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.estimate import estimate, modes, probability_near
-from agent.pose_filter.lattice import Lattice, build_lattice
-from agent.pose_filter.staged import transfer
-from ciberrato.kinematics import advance
-from ciberrato.lab import Lab
+from ciberrato.localization.belief.estimate import estimate, modes, probability_near
+from ciberrato.localization.belief.lattice import Lattice, build_lattice
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.filtering.stage import transfer
+from ciberrato.physics.kinematics import advance
+from ciberrato.world.lab import Lab
 
 
 @pytest.fixture(scope="module")

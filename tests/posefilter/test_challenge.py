@@ -6,15 +6,15 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.challenge import Duel
-from agent.pose_filter.estimate import estimate
-from agent.pose_filter.posefilter import PoseFilter
-from agent.pose_filter.records import FilterStep
-from agent.pose_filter.symmetry import PoseScore
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, round_reading, sensor_distances
-from ciberrato.parameters import Parameters
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, round_reading, sensor_distances
+from ciberrato.localization.belief.estimate import estimate
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.evidence.symmetry import PoseScore
+from ciberrato.localization.filtering.challenge import HypothesisTest
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.records import FilterStep
+from ciberrato.world.parameters import Parameters
 
 RADIANS = tuple(math.radians(angle) for angle in (0.0, 60.0, -60.0, 180.0))
 PARAMETERS = Parameters(compass_sensor=False)
@@ -30,9 +30,9 @@ def states(belief, *places):
 
 @pytest.fixture
 def duel(small_lab, coarse_tables):
-    challenger = PoseFilter(small_lab, coarse_tables, PARAMETERS)
+    challenger = GridFilter(small_lab, coarse_tables, PARAMETERS)
     states(challenger.belief, TRUE)
-    return Duel(challenger, PoseScore(small_lab, RADIANS, PARAMETERS.obstacle_noise, 0.0))
+    return HypothesisTest(challenger, PoseScore(small_lab, RADIANS, PARAMETERS.obstacle_noise, 0.0))
 
 
 @pytest.fixture

@@ -10,20 +10,20 @@ import sys
 import numpy as np
 import pytest
 
-from agent.pose_filter import compiled
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.cones import cone_distances
-from agent.pose_filter.product import multiply
-from agent.pose_filter.staged import StagedFilter
 from ciberrato.errors import UsageError
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab, Wall
-from ciberrato.labfile import read_lab
-from ciberrato.labtables import LabTables
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.face_tables import LabTables
+from ciberrato.labs import find_lab
+from ciberrato.localization.belief import compiled
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.belief.reweight import multiply
+from ciberrato.localization.filtering.staged_filter import staged_filter
+from ciberrato.localization.refinement.cones import cone_distances
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_lab
+from ciberrato.world.lab import Lab, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
@@ -113,7 +113,7 @@ def drive(lab, coarse, fine, start, cycles):
     grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
     world = Simulation(lab, grid, parameters, 5)
     robot = world.register(RobotRegistration(name="g", sensor_angles=tuple(enumerate(ANGLES))))
-    pose_filter = StagedFilter(lab, coarse, fine, parameters)
+    pose_filter = staged_filter(lab, coarse, fine, parameters)
     measures, command, estimates = world.launch()[robot], None, []
     for cycle in range(cycles):
         pose_filter.observe(measures, command)
@@ -139,7 +139,7 @@ def test_a_whole_run_comes_out_the_same(loops, small_lab, coarse_tables, fine_ta
 
 
 def test_states_that_look_alike_keep_equal_weights(loops):
-    from agent.pose_filter.tables import build_tables
+    from ciberrato.localization.tables.pose_tables import build_tables
 
     def beam(y):
         return Wall(height=4.0, corners=((0.0, y), (6.0, y), (6.0, y + 0.2), (0.0, y + 0.2)))
@@ -184,12 +184,12 @@ def test_the_environment_decides(monkeypatch):
 
 
 def test_a_numba_that_does_not_work_is_done_without(monkeypatch):
-    import agent.pose_filter
+    import ciberrato.localization.belief
 
     monkeypatch.setattr(compiled, "available", lambda: True)
     monkeypatch.setattr(compiled, "_active", None)
-    monkeypatch.setitem(sys.modules, "agent.pose_filter.kernels", None)  # importing it fails
-    monkeypatch.delattr(agent.pose_filter, "kernels", raising=False)
+    monkeypatch.setitem(sys.modules, "ciberrato.localization.belief.kernels", None)  # importing it fails
+    monkeypatch.delattr(ciberrato.localization.belief, "kernels", raising=False)
     assert not compiled.load()
     assert compiled.kernels() is None
     monkeypatch.setenv(compiled.VARIABLE, "on")
@@ -208,11 +208,11 @@ def test_machine_code_is_at_hand_once_it_is_in_the_cache(loops, monkeypatch, tmp
 
 
 def test_without_being_asked_nothing_is_imported():
-    code = "import agent.pose_filter.staged, sys; sys.exit('numba' in sys.modules)"
+    code = "import ciberrato.localization.filtering.staged_filter, sys; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
     pytest.importorskip("numba")
     run = subprocess.run(
-        [sys.executable, "-m", "agent.pose_filter.warming"],
+        [sys.executable, "-m", "ciberrato.localization.belief.compiled"],
         env=os.environ | {compiled.VARIABLE: "auto"},
         check=False,
     )

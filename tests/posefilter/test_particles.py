@@ -6,18 +6,18 @@ import math
 import numpy as np
 import pytest
 
-from agent.pose_filter.belief import PoseBelief
-from agent.pose_filter.estimate import estimate
-from agent.pose_filter.particles import ParticleCloud
-from agent.pose_filter.records import FilterStep, Motion
-from agent.pose_filter.staged import StagedFilter
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, reading_log_likelihood, sensor_distances
-from ciberrato.kinematics import filter_power
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, reading_log_likelihood, sensor_distances
+from ciberrato.localization.belief.estimate import estimate
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.filtering.staged_filter import staged_filter
+from ciberrato.localization.records import FilterStep, Motion
+from ciberrato.localization.refinement.particles import ParticleCloud
+from ciberrato.physics.kinematics import filter_power
 from ciberrato.protocol import Actions, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.batch import BatchSimulation
 from simulator_stub.simulation import Simulation
 
@@ -112,7 +112,7 @@ def drive(small_lab, coarse_tables, fine_tables):
     grid = StartGrid(positions=(GridPosition(x=3.0, y=1.0, direction=0.0),))
     simulation = Simulation(small_lab, grid, parameters, seed=3)
     robot = simulation.register(RobotRegistration(name="a", sensor_angles=tuple(enumerate(ANGLES))))
-    pose_filter = StagedFilter(small_lab, coarse_tables, fine_tables, parameters, start="centres")
+    pose_filter = staged_filter(small_lab, coarse_tables, fine_tables, parameters, start="centres")
     measures = simulation.launch()[robot]
     command = None
     rows = []
@@ -162,7 +162,7 @@ def test_the_same_run_gives_the_same_estimates(small_lab, coarse_tables, fine_ta
             seed=5,
         )
         robot = simulation.register(RobotRegistration(name="a", sensor_angles=tuple(enumerate(ANGLES))))
-        pose_filter = StagedFilter(small_lab, coarse_tables, fine_tables, PARAMETERS, start="centres")
+        pose_filter = staged_filter(small_lab, coarse_tables, fine_tables, PARAMETERS, start="centres")
         measures, command = simulation.launch()[robot], None
         for _ in range(60):
             pose_filter.observe(measures, command)

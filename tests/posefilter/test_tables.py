@@ -7,17 +7,17 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from agent.pose_filter.cache import cached_tables, read_tables, table_key, write_tables
-from agent.pose_filter.distance_table import tabulate_distances
-from agent.pose_filter.lattice import build_lattice
-from agent.pose_filter.reading_codes import ReadingCodes, code_distances, encode
-from agent.pose_filter.tables import BINS, build_tables
-from agent.pose_filter.worker import TableWorker
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import ideal_reading, reading_log_likelihood, sensor_distances
-from ciberrato.lab import Lab
-from ciberrato.labfile import read_lab
-from maps import find_lab
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import ideal_reading, reading_log_likelihood, sensor_distances
+from ciberrato.infrared.sweep import tabulate_distances
+from ciberrato.labs import find_lab
+from ciberrato.localization.belief.lattice import build_lattice
+from ciberrato.localization.tables.cache import cached_tables, read_tables, table_key, write_tables
+from ciberrato.localization.tables.pose_tables import BINS, build_tables
+from ciberrato.localization.tables.reading_codes import ReadingCodes, code_distances, encode
+from ciberrato.localization.tables.worker import TableWorker
+from ciberrato.world.lab import Lab
 
 
 def test_distances_equal_those_of_the_sensor_model(small_lab):

@@ -4,17 +4,13 @@ import base64
 import gzip
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from benchmarks.conformance import codec
 from benchmarks.conformance.recordings import read_session
 from ciberrato.protocol import Measures, decode_simulator_message, encode
-
-ROOT = Path(__file__).parents[2]
-GOLDEN = ROOT / "tests" / "data" / "golden"
-SHARED = ROOT.parent / "shared" / "golden"
+from tests.recordings import GOLDEN, OWN, needs
 
 
 def by_check(rows):
@@ -25,7 +21,7 @@ def by_check(rows):
 
 
 def test_the_recordings_that_come_with_the_tests_pass():
-    rows = by_check(codec.rows(GOLDEN, None))
+    rows = by_check(codec.rows(OWN, None))
     assert all(row.passed for group in rows.values() for row in group), rows
     (simulator,) = rows["codec: simulator"]
     assert simulator.cases > 4000
@@ -36,9 +32,9 @@ def test_the_recordings_that_come_with_the_tests_pass():
     assert [row.cases for row in rows["codec: clients, exception"]] == [1], "the NaN motors"
 
 
-@pytest.mark.skipif(not SHARED.exists(), reason="needs the complete golden data")
+@needs("CIBERRATO_GOLDEN")
 def test_the_complete_recordings_pass():
-    rows = by_check(codec.rows(SHARED, None))
+    rows = by_check(codec.rows(GOLDEN, None))
     assert all(row.passed for group in rows.values() for row in group), rows
     assert rows["codec: logs"][0].cases > 1500
     assert rows["codec: grids"][0].cases == 79
@@ -58,7 +54,7 @@ def test_a_codec_that_changes_one_digit_fails(monkeypatch):
         return encode(message)
 
     monkeypatch.setattr(codec, "encode", one_digit_off)
-    (row,) = by_check(codec.rows(GOLDEN, None))["codec: simulator"]
+    (row,) = by_check(codec.rows(OWN, None))["codec: simulator"]
     assert not row.passed
     assert "01_viewer_full_session:" in row.note
 

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from ciberrato.errors import UsageError
-from ciberrato.lab import Beacon, Lab, Target, Wall
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     Acceptance,
     Actions,
@@ -34,7 +32,9 @@ from ciberrato.protocol import (
     lab_to_xml,
     measures_to_xml,
 )
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Beacon, Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 
 
 @pytest.mark.parametrize(

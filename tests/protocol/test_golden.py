@@ -7,7 +7,6 @@ from pathlib import Path
 from lxml import etree
 
 from ciberrato.errors import ProtocolError
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     Acceptance,
     Measures,
@@ -18,6 +17,7 @@ from ciberrato.protocol import (
     encode_parameters,
 )
 from ciberrato.protocol.xmltree import parse_document
+from ciberrato.world.parameters import Parameters
 
 GOLDEN = Path(__file__).parents[1] / "data" / "golden"
 

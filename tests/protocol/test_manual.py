@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from ciberrato.lab import Beacon, Lab, Target, Wall
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     Acceptance,
     Actions,
@@ -15,7 +13,9 @@ from ciberrato.protocol import (
     decode_simulator_message,
     encode,
 )
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Beacon, Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 
 MANUAL = Path(__file__).parents[2] / "docs" / "protocol.md"
 

@@ -8,8 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from ciberrato.lab import Beacon, Lab, Target, Wall
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     Acceptance,
     Actions,
@@ -38,7 +36,9 @@ from ciberrato.protocol import (
 )
 from ciberrato.protocol.measures_text import measures_from_element, measures_from_layout
 from ciberrato.protocol.xmltree import parse_document
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Beacon, Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 
 # --- random messages of every kind, of what the wire can carry
 

@@ -3,8 +3,6 @@
 import pytest
 
 from ciberrato.errors import ProtocolError
-from ciberrato.lab import Beacon, Lab, Target, Wall
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     Acceptance,
     BeaconReading,
@@ -17,7 +15,9 @@ from ciberrato.protocol import (
     decode_simulator_message,
     encode,
 )
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Beacon, Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 
 FULL = b"""<Measures Time="6">
 \t<Sensors Collision="No" Compass="29" Ground="-1">

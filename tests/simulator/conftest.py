@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from ciberrato.lab import Lab, Target
-from ciberrato.parameters import Parameters
-from ciberrato.startgrid import GridPosition, StartGrid
-from simulator_stub.transports import Newcomer, Peer
+from ciberrato.world.lab import Lab, Target
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
+from simulator_stub.service.transports import Newcomer, Peer
 
 REPOSITORY = Path(__file__).parents[2]
 

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ciberrato.geometry import WallMap
-from ciberrato.lab import Lab, Target, Wall
-from ciberrato.labfile import read_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import read_lab
+from ciberrato.geometry.walls import WallMap
+from ciberrato.labs import find_lab
 from ciberrato.protocol import Actions, Measures, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
-from maps import find_lab
+from ciberrato.world.lab import Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.batch import BatchReadings, BatchSimulation
 from simulator_stub.batch import noise as batch_noise
 from simulator_stub.simulation import Simulation
@@ -263,3 +263,18 @@ def test_commands_beyond_the_limit_are_clamped(maze: Lab, quiet: Parameters) -> 
     batch = BatchSimulation(maze, [(1.0, 1.0, 0.0)] * 2, quiet, seeds=[1, 2])
     batch.step(np.array([[0.15, 0.15], [math.inf, 7.0]]))
     assert np.array_equal(*batch.poses())
+
+
+@pytest.mark.parametrize("compiled", KERNELS)
+def test_readings_that_hang_on_rounding_and_headings_of_several_turns(
+    compiled: bool, quiet: Parameters
+) -> None:
+    starts = np.array([(24.0, 2.0, 0.0), (24.0, 2.0, 720.0), (4.0, 12.0, 1080.0), (3.0, 2.0, -720.0)])
+    lab = Lab(width=28.0, height=14.0)
+    batch = assert_same(lab, starts, replace(quiet, sim_time=0), compiled=compiled, cycles=15)
+    maze = read_lab(find_lab("maze"))
+    starts = np.array([(17.0, 1.0, 720.0), (17.0, 1.0, 360.0), (1.0, 1.0, 1440.0)])
+    for parameters in (replace(quiet, sim_time=0), NOISY):
+        assert_same(maze, starts, parameters, compiled=compiled, cycles=15)
+    batch = BatchSimulation(lab, [(24.0, 2.0, 0.0)], quiet, seeds=[1], compiled=compiled)
+    assert batch.readings.infrared[0, 3] == 0.3

@@ -50,6 +50,9 @@ def bad_datagrams(seed: int) -> Iterator[bytes]:
         b"<a>" * 21000,
         b'<?xml version="1.0"?>' + bomb + b"]><Actions><Say>&j;</Say></Actions>",
         bomb + b"]><Robot Name='&j;'/>",
+        b"<!DOCTYPE a [" + b"<!---->" * 140,
+        b'<Actions LeftMotor="1" LeftMotor="' + b"2" * 900 + b'"/>',
+        b"\0\nabcdefghijklmnopqrst",
         b'<Robot Id="1" Name="&#0;&#x1F600;"/>',
         b'<Robot Id="99999999999999999999" Name="x"/>',
         b'<Robot Id="3"><IRSensor Id="-1" Angle="nan"/></Robot>',
@@ -84,7 +87,7 @@ def memory_of(process: int) -> int:
 class Robot:
     def __init__(self, port: int, number: int) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.settimeout(10.0)
+        self.socket.settimeout(60.0)
         self.socket.bind(("127.0.0.1", 0))
         self.socket.sendto(b'<Robot Id="%d" Name="r%d"/>' % (number, number), ("127.0.0.1", port))
         _, self.address = self.socket.recvfrom(4096)

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from ciberrato.gridfile import default_grid
-from ciberrato.labfile import default_lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.lab import default_lab
+from ciberrato.files.start_grid import default_grid
 from ciberrato.protocol import Actions, RobotRegistration
-from simulator_stub.kidnapping import Kidnapper, Kidnapping, parse_kidnapping
+from ciberrato.world.parameters import Parameters
+from simulator_stub.service.kidnapping import Kidnapper, Kidnapping, parse_kidnapping
 from simulator_stub.simulation import Simulation
 
 
@@ -32,7 +32,7 @@ def test_the_robot_is_elsewhere_from_that_cycle_on_and_drives_on_from_there():
     for _ in range(6):
         simulation.begin_cycle()
         simulation.act(robot, Actions(left_motor=0.1, right_motor=0.1))
-        kidnapper.actions_read(simulation)
+        kidnapper.before_move(simulation)
         simulation.advance()
         simulation.end_cycle()
         poses.append(tuple(simulation.poses()[0]))

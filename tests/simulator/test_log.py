@@ -10,22 +10,21 @@ import pytest
 
 from benchmarks.conformance import logs
 from ciberrato.errors import UsageError
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
+from ciberrato.files.simulator_log import read_simulator_log
 from ciberrato.protocol import Actions, RobotRegistration, ViewRegistration, encode
-from ciberrato.simlog import read_simulator_log
-from ciberrato.startgrid import StartGrid
-from simulator_stub.log import LogFile
-from simulator_stub.session import Session
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+from simulator_stub.recording.log import LogFile
+from simulator_stub.service.session import Session
 from simulator_stub.simulation import Simulation
+from tests.recordings import GOLDEN, OWN, needs
 
-REPOSITORY = Path(__file__).parents[2]
-FOLDERS = (REPOSITORY / "tests/data/golden", REPOSITORY / "../shared/golden")
 DATE = "Thu Jan  1 00:00:00 1970"
 
 
 @pytest.mark.parametrize(
-    "golden", [folder for folder in FOLDERS if folder.exists()], ids=["copied", "all"][:2]
+    "golden", [pytest.param(OWN, id="own"), pytest.param(GOLDEN, id="all", marks=needs("CIBERRATO_GOLDEN"))]
 )
 def test_the_real_simulators_logs_come_out_again(golden: Path) -> None:
     rows = list(logs.rows(golden, None))
@@ -44,7 +43,7 @@ def test_the_real_simulators_logs_come_out_again(golden: Path) -> None:
 )
 def test_the_comparison_notices_a_difference(tmp_path: Path, old: str, new: str) -> None:
     folder = tmp_path / "logs/log2_two_robots"
-    shutil.copytree(FOLDERS[0] / "logs/log2_two_robots", folder)
+    shutil.copytree(OWN / "logs/log2_two_robots", folder)
     with gzip.open(folder / "sim.log.gz", "rt") as file:
         text = file.read()
     place = text.rindex(old)
@@ -65,7 +64,7 @@ def path(tmp_path: Path) -> Path:
 def session(open_lab: Lab, three_places: StartGrid, path: Path) -> Iterator[Session]:
     parameters = replace(Parameters(), sim_time=5, cycle_time=1, gps=True, compass_requestable=True)
     simulation = Simulation(open_lab, three_places, parameters, seed=3)
-    session = Session(simulation, autostart=2, recorders=[LogFile(path, DATE)])
+    session = Session(simulation, autostart=2, observers=[LogFile(path, DATE)])
     yield session
     session.close()
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ciberrato.infrared import distances_at, ideal_reading, other_robot_distance, round_reading
-from ciberrato.lab import Beacon, Lab, Target, Wall
-from ciberrato.parameters import Parameters
+from ciberrato.infrared.model import distances_at, ideal_reading, other_robot_distance, round_reading
 from ciberrato.protocol import Actions, HeardMessage, Measures, RobotBeaconRegistration, RobotRegistration
-from ciberrato.startgrid import GridPosition, StartGrid
+from ciberrato.world.lab import Beacon, Lab, Target, Wall
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 

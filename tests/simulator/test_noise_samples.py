@@ -11,31 +11,18 @@ import numpy as np
 import pytest
 
 from benchmarks.conformance import noise
-
-REPOSITORY = Path(__file__).parents[2]
-GOLDEN = REPOSITORY / "../shared/golden"
-LABS = REPOSITORY / "../shared/labs"
-HERE = REPOSITORY / "tests/data/golden"
+from tests.recordings import GOLDEN, LABS, OWN, needs
 
 
 @pytest.mark.parametrize(
     "golden",
     [
-        HERE,
-        pytest.param(
-            GOLDEN,
-            marks=[
-                pytest.mark.slow,
-                pytest.mark.skipif(
-                    not GOLDEN.exists(), reason="the recordings that are not copied are absent"
-                ),
-            ],
-        ),
+        pytest.param(OWN, id="own"),
+        pytest.param(GOLDEN, id="all", marks=[pytest.mark.slow, needs("CIBERRATO_GOLDEN")]),
     ],
-    ids=["copied", "all"],
 )
 def test_sensors_and_motors_draw_as_the_real_ones_do(golden: Path) -> None:
-    rows = list(noise.rows(golden, LABS if LABS.exists() else None))
+    rows = list(noise.rows(golden, LABS))
     assert sum(row.cases for row in rows) >= 5900
     assert [(row.check, row.note) for row in rows if not row.passed] == []
 
@@ -55,7 +42,7 @@ def test_the_test_of_discrete_samples_is_calibrated_and_notices_a_small_shift() 
 
 def test_a_wrong_motor_noise_is_noticed(tmp_path: Path) -> None:
     (tmp_path / "noise").mkdir()
-    path = HERE / "noise/m2_motor_direct_seed12345.csv.gz"
+    path = OWN / "noise/m2_motor_direct_seed12345.csv.gz"
     with gzip.open(path, "rt", newline="") as file:
         rows = list(csv.DictReader(file))
     before, changed = 0.0, 0.0

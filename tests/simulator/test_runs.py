@@ -12,8 +12,6 @@ from typing import Any
 import pytest
 
 from ciberrato.errors import UsageError
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     Acceptance,
     Actions,
@@ -24,12 +22,14 @@ from ciberrato.protocol import (
     decode_simulator_message,
     encode,
 )
-from ciberrato.startgrid import StartGrid
-from simulator_stub.results import Results
-from simulator_stub.runs import Runs
-from simulator_stub.session import Session
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+from simulator_stub.recording.results import Results
+from simulator_stub.service.runs import Runs
+from simulator_stub.service.session import Session
 from simulator_stub.simulation import Simulation
-from simulator_stub.simulator_state import SimulatorState
+from simulator_stub.world.simulator_state import SimulatorState
 
 DRIVE = Actions(left_motor=0.1, right_motor=0.12)
 RESET = Actions(reset=True)
@@ -136,7 +136,7 @@ def results(tmp_path: Path, lines: list[str]) -> Results:
 @pytest.fixture
 def session(open_lab: Lab, three_places: StartGrid, results: Results) -> Session:
     parameters = Parameters(sim_time=6, cycle_time=1)
-    return Session(Simulation(open_lab, three_places, parameters, seed=11), autostart=1, recorders=[results])
+    return Session(Simulation(open_lab, three_places, parameters, seed=11), autostart=1, observers=[results])
 
 
 @pytest.fixture

@@ -28,11 +28,11 @@ from ciberrato.protocol import (
 )
 from simulator_stub.assembly import build_server
 from simulator_stub.options import parse_arguments
-from simulator_stub.server import Server
+from simulator_stub.service.server import Server
 
 LINKS: dict[str, Callable[[str, int], Any]] = {"udp": UdpLink, "tcp": TcpLink}
 MOVE = encode(Actions(left_motor=0.1, right_motor=0.11))
-PATIENCE = 10.0
+PATIENCE = 300.0  # seconds; only a failure takes so long
 
 
 @contextlib.contextmanager

@@ -5,8 +5,6 @@ from typing import Any
 
 import pytest
 
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import (
     REPLY_LIMIT,
     Acceptance,
@@ -19,10 +17,12 @@ from ciberrato.protocol import (
     decode_simulator_message,
     encode,
 )
-from ciberrato.startgrid import StartGrid
-from simulator_stub.session import COMPLAINT_LIMIT, VIEW_LIMIT, Session
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+from simulator_stub.service.session import COMPLAINT_LIMIT, VIEW_LIMIT, Session
 from simulator_stub.simulation import Simulation
-from simulator_stub.simulator_state import SimulatorState
+from simulator_stub.world.simulator_state import SimulatorState
 
 ROBOT = b'<Robot Id="%d" Name="r%d"/>'
 

@@ -6,10 +6,11 @@ from typing import cast
 
 import pytest
 
-from simulator_stub.robot import Robot
-from simulator_stub.robot_state import RobotState, next_state
+from simulator_stub.robot_transitions import next_state
 from simulator_stub.scoring import Scoring
-from simulator_stub.simulator_state import SimulatorEvent, SimulatorState, SimulatorStateMachine
+from simulator_stub.world.robot import Robot
+from simulator_stub.world.robot_state import RobotState
+from simulator_stub.world.simulator_state import SimulatorEvent, SimulatorState, SimulatorStateMachine
 
 S, E, R = SimulatorState, SimulatorEvent, RobotState
 

@@ -11,10 +11,7 @@ import pytest
 
 from benchmarks.conformance import transcripts
 from benchmarks.conformance.timeline import read_timeline
-
-REPOSITORY = Path(__file__).parents[2]
-HERE = REPOSITORY / "tests/data/golden"
-FOLDERS = (HERE, REPOSITORY / "../shared/golden")
+from tests.recordings import FOLDERS, OWN, by_name
 
 
 def sessions() -> dict[str, Path]:
@@ -30,7 +27,7 @@ def read_lines(path: Path) -> list[str]:
         return file.readlines()
 
 
-@pytest.mark.parametrize("name", sorted(sessions()))
+@pytest.mark.parametrize("name", by_name(sessions()))
 def test_a_recorded_session_gets_the_recorded_answers(name: str) -> None:
     path = sessions()[name]
     result = transcripts.replay(path, path.parent / "files")
@@ -42,7 +39,7 @@ def test_a_recorded_session_gets_the_recorded_answers(name: str) -> None:
 def test_what_differs_on_purpose_is_what_the_manual_says() -> None:
     counts = {
         row.note.partition(" (")[0]: row.cases
-        for row in transcripts.rows(HERE, None)
+        for row in transcripts.rows(OWN, None)
         if "purpose" in row.check
     }
     assert counts == {transcripts.NAMES: 43, transcripts.NAN: 21, transcripts.LONG_NAME: 3} | {
@@ -59,7 +56,7 @@ def test_what_differs_on_purpose_is_what_the_manual_says() -> None:
     ],
 )
 def test_the_comparison_notices_a_wrong_answer(tmp_path: Path, old: bytes, new: bytes) -> None:
-    path = HERE / "transcripts/09_score_gps_beacons.jsonl.gz"
+    path = OWN / "transcripts/09_score_gps_beacons.jsonl.gz"
     events = [json.loads(line) for line in read_lines(path)]
     for event in reversed(events):
         data = base64.b64decode(event["payload_b64"] or "")
@@ -75,7 +72,7 @@ def test_the_comparison_notices_a_wrong_answer(tmp_path: Path, old: bytes, new: 
 
 
 def test_the_comparison_notices_an_answer_too_much(tmp_path: Path) -> None:
-    path = HERE / "transcripts/10_removed.jsonl.gz"
+    path = OWN / "transcripts/10_removed.jsonl.gz"
     lines = read_lines(path)
     robots = [json.loads(line)["from_port"] for line in lines if "<Measures" in line]
     dropped = [
@@ -99,7 +96,7 @@ def test_a_session_whose_files_are_absent_fails_alone(tmp_path: Path) -> None:
     folder = tmp_path / "transcripts"
     folder.mkdir()
     for name in ("09_score_gps_beacons", "09d_all_defaults"):
-        (folder / f"{name}.jsonl.gz").write_bytes((HERE / f"transcripts/{name}.jsonl.gz").read_bytes())
+        (folder / f"{name}.jsonl.gz").write_bytes((OWN / f"transcripts/{name}.jsonl.gz").read_bytes())
     first, second = transcripts.rows(tmp_path, None)
     assert (first.passed, second.passed) == (False, True)
     assert "no such file" in first.note

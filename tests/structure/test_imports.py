@@ -1,148 +1,240 @@
-"""Imports point one way: asserted from the import statements themselves."""
+"""Imports point one way: asserted from the import statements themselves.
+
+Every import counts, those inside functions and for type checkers too.
+"""
 
 import ast
+import graphlib
+import re
 import sys
+import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PROCESSES = {"agent", "simulator_stub", "viewer"}
-PACKAGES = PROCESSES | {"ciberrato", "maps", "evaluation", "examples", "benchmarks"}
-# What each package may import of the others.
-ALLOWED = {
-    "ciberrato": set(),
-    "maps": {"ciberrato"},
-    "agent": {"ciberrato", "maps"},
-    "simulator_stub": {"ciberrato", "maps"},
-    "viewer": {"ciberrato", "maps"},
-    "evaluation": {"ciberrato", "maps", "agent", "simulator_stub"},
-    "examples": PACKAGES - {"benchmarks"},
-    "benchmarks": PACKAGES,
+ROOTS = ("ciberrato", "agent", "simulator_stub")  # what is installed
+PACKAGES = (*ROOTS, "examples", "benchmarks")
+# The rooms of the library, and which others each may import.
+WORLD = {"arrays", "errors", "world"}
+SHAPES = WORLD | {"geometry", "physics"}
+LIBRARY = {
+    "version": set(),
+    "errors": set(),
+    "arrays": set(),
+    "command_line": {"errors", "version"},
+    "processes": set(),
+    "plaintext": set(),
+    "world": {"errors"},
+    "labs": {"errors"},
+    "geometry": WORLD,
+    "physics": WORLD | {"geometry"},
+    "bayes": set(),
+    "infrared": SHAPES | {"bayes"},
+    "protocol": WORLD,
+    "files": WORLD | {"geometry", "protocol"},
+    "overlay": {"arrays", "errors"},
+    "net": {"errors", "overlay", "protocol"},
+    "client": WORLD | {"files", "labs", "localization", "net", "protocol"},
+    "croblink": {"client", "errors", "net", "protocol"},
+    "localization": SHAPES | {"infrared", "processes", "protocol"},
 }
-# The agent's rooms, and which others each may import: inside functions and for type checkers, too.
-AGENT_ROOMS = {
-    "control": set(),
-    "pose_filter": set(),
-    "drives": {"pose_filter"},
-    "offline": {"control"},
+# The rooms behind the full-pose filter, each standing on those before it.
+LOCALIZATION = ("belief", "evidence", "tables", "refinement", "filtering", "live")
+# Applications stand on all of the library, and on one another only as said here.
+APPLICATIONS = {
+    "viewer": set(),
+    "evaluation": {"agent", "simulator_stub"},
+}
+# The rooms of the two processes, likewise; both stand on all of the library.
+AGENT = {
+    "drives": set(),
+    "offline": {"drives"},
     "views": {"offline"},
-    "run": {"control", "drives", "offline", "pose_filter"},
+    "run": {"drives", "offline"},
+    "commands": {"drives", "offline", "run", "views"},
 }
-# What is not in a room is the command line: it may import all rooms, and none imports it.
-COMMAND_LINE = {"cli", "commands", "localizecommand", "optionparser", "optiontypes", "showing"}
+SIMULATOR = {
+    "world": set(),
+    "sensors": {"world"},
+    "scoring": {"world"},
+    "robot_transitions": {"scoring", "world"},
+    "simulation": {"robot_transitions", "scoring", "sensors", "world"},
+    "batch": {"sensors", "world"},
+    "recording": {"simulation", "world"},
+    "service": {"recording", "simulation", "world"},
+}
+# What is in no room is a command line: it may import all rooms, and none imports it.
+AGENT_COMMAND_LINE = {
+    *("__init__", "__main__", "cli"),
+}
+SIMULATOR_COMMAND_LINE = {"__init__", "__main__", "assembly", "cli", "options"}
 # Slow to load: only inside the functions that use them.
-LAZY = {"scipy", "matplotlib", "numba"}
+LAZY = {"scipy", "matplotlib", "numba", "lxml"}
 # Compiled loops: these modules are themselves imported only where the extra `fast` is asked for.
-ITSELF_LAZY = {"ciberrato/coneloops.py", "simulator_stub/batch/loops.py", "agent/pose_filter/kernels.py"}
+ITSELF_LAZY = {
+    "ciberrato/infrared/cone_compiled.py",
+    "ciberrato/localization/belief/kernels.py",
+    "simulator_stub/batch/loops.py",
+}
 
 
-def modules(package):
+def files(package):
     return sorted((ROOT / package).rglob("*.py"))
 
 
-def imports(path, *, top_level_only=False, types=False):
-    """Names imported by a file, as dotted paths; `types`: those that are for type checkers only, too."""
+@cache
+def house():
+    """Path of every module, by its dotted name."""
+    return {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for package in PACKAGES
+        for path in files(package)
+    }
+
+
+@cache
+def imports(path, top_level_only=False):
+    """Dotted names of what a file imports: of modules of this house the module, never a name in it."""
     tree = ast.parse(path.read_text())
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
 
     def walk(node):
         for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test) and not types:
-                continue
             if top_level_only and isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            if top_level_only and isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
                 continue
             if isinstance(child, ast.Import):
                 yield from (alias.name for alias in child.names)
             elif isinstance(child, ast.ImportFrom):
+                base = child.module or ""
                 if child.level:
-                    base = ".".join(package[: len(package) - child.level + 1])
-                    yield f"{base}.{child.module}" if child.module else base
-                else:
-                    yield child.module
+                    above = package[: len(package) - child.level + 1]
+                    base = ".".join((*above, base) if base else above)
+                inside = {f"{base}.{alias.name}" for alias in child.names} & set(house())
+                yield from inside
+                if len(inside) < len(child.names):
+                    yield base
             else:
                 yield from walk(child)
 
-    return sorted(set(walk(tree)))
+    return frozenset(walk(tree))
 
 
-def existing():
-    return sorted(name for name in PACKAGES if (ROOT / name).is_dir())
+def room(name, root):
+    """Name of the room that a module of a root package is in; None for one of another package."""
+    first, *rest = name.split(".")
+    if first != root:
+        return None
+    return rest[0] if rest else "__init__"
 
 
-@pytest.mark.parametrize("package", existing())
-def test_a_package_imports_only_what_stands_below_it(package):
-    wrong = [
+def doors(root, place, allowed):
+    """Imports of one room that lead into a room of the same root that it may not see."""
+    return [
         f"{path.relative_to(ROOT)} imports {name}"
-        for path in modules(package)
+        for module, path in house().items()
+        if room(module, root) == place
         for name in imports(path)
-        if name.split(".")[0] in PACKAGES - {package} - ALLOWED[package]
+        if room(name, root) not in {None, "__init__", place} | allowed
     ]
-    assert not wrong
 
 
-def test_the_agents_rooms_are_known():
-    folders = {path.parent for path in modules("agent")} - {ROOT / "agent"}
-    assert {path.relative_to(ROOT / "agent").parts[0] for path in folders} == set(AGENT_ROOMS)
-    outside = {path.stem for path in (ROOT / "agent").glob("*.py")}
-    assert outside == COMMAND_LINE | {"__init__", "__main__"}
+def test_every_room_is_known():
+    def rooms(root):
+        return {place for name in house() if (place := room(name, root)) is not None}
+
+    assert rooms("ciberrato") == {"__init__", *LIBRARY, *APPLICATIONS}
+    assert rooms("agent") == {*AGENT, *AGENT_COMMAND_LINE}
+    assert rooms("simulator_stub") == {*SIMULATOR, *SIMULATOR_COMMAND_LINE}
 
 
-@pytest.mark.parametrize("room", sorted(AGENT_ROOMS))
-def test_doors_between_the_agents_rooms_open_one_way(room):
-    allowed = {f"agent.{to}" for to in {room} | AGENT_ROOMS[room]}
+@pytest.mark.parametrize("rooms", [LIBRARY, AGENT, SIMULATOR], ids=["library", "agent", "simulator"])
+def test_rooms_have_an_order(rooms):
+    assert set(graphlib.TopologicalSorter(rooms).static_order()) == set(rooms)
+
+
+@pytest.mark.parametrize("place", sorted(LIBRARY))
+def test_a_room_of_the_library_imports_only_what_stands_below_it(place):
+    assert not doors("ciberrato", place, LIBRARY[place])
+
+
+def test_the_rooms_behind_the_pose_filter_stand_one_on_the_other():
+    root = ROOT / "ciberrato" / "localization"
+    assert {path.parent.name for path in root.glob("*/__init__.py")} == set(LOCALIZATION)
     wrong = [
         f"{path.relative_to(ROOT)} imports {name}"
-        for path in modules(f"agent/{room}")
-        for name in imports(path, types=True)
-        if name.split(".")[0] == "agent" and ".".join(name.split(".")[:2]) not in allowed
-    ]
-    assert not wrong
-
-
-def test_the_agents_rooms_have_an_order():
-    import graphlib
-
-    assert set(graphlib.TopologicalSorter(AGENT_ROOMS).static_order()) == set(AGENT_ROOMS)
-
-
-def test_bayes_knows_nothing_of_ciberrato():
-    wrong = [
-        f"{path.relative_to(ROOT)} imports {name}"
-        for path in modules("ciberrato/bayes")
+        for level, place in enumerate(LOCALIZATION)
+        for path in files(root / place)
         for name in imports(path)
-        if name.split(".")[0] == "ciberrato" and not name.startswith("ciberrato.bayes")
+        if name.split(".")[:2] == ["ciberrato", "localization"]
+        and name.split(".")[2] not in {*LOCALIZATION[: level + 1], "records"}
     ]
     assert not wrong
 
 
-def test_the_protocol_knows_nothing_of_geometry():
-    known = {"protocol", "errors", "lab", "parameternames", "parameters", "startgrid"}
+@pytest.mark.parametrize("place", sorted(APPLICATIONS))
+def test_an_application_imports_the_library_and_what_it_is_allowed(place):
+    assert not doors("ciberrato", place, set(LIBRARY) | APPLICATIONS[place])
+
+
+def test_the_library_and_the_applications_know_no_process_but_where_allowed():
     wrong = [
         f"{path.relative_to(ROOT)} imports {name}"
-        for path in modules("ciberrato/protocol")
+        for module, path in house().items()
+        if (place := room(module, "ciberrato")) is not None
         for name in imports(path)
-        if name.split(".")[0] == "ciberrato" and name.split(".")[1] not in known
+        if (top := name.split(".")[0]) in {"agent", "simulator_stub", "examples", "benchmarks"}
+        and top not in APPLICATIONS.get(place, set())
     ]
     assert not wrong
 
 
-def test_only_net_touches_sockets_in_the_library():
+@pytest.mark.parametrize("place", sorted(AGENT))
+def test_doors_between_the_agents_rooms_open_one_way(place):
+    assert not doors("agent", place, AGENT[place])
+
+
+@pytest.mark.parametrize("place", sorted(SIMULATOR))
+def test_doors_between_the_simulators_rooms_open_one_way(place):
+    assert not doors("simulator_stub", place, SIMULATOR[place])
+
+
+@pytest.mark.parametrize("process", ["agent", "simulator_stub"])
+def test_the_two_processes_meet_on_the_wire_only(process):
+    others = ({*ROOTS, "examples", "benchmarks"} - {process, "ciberrato"}) | {
+        f"ciberrato.{application}" for application in APPLICATIONS
+    }
     wrong = [
         f"{path.relative_to(ROOT)} imports {name}"
-        for path in modules("ciberrato")
-        if "net" not in path.relative_to(ROOT).parts
+        for path in files(process)
+        for name in imports(path)
+        if name.split(".")[0] in others or ".".join(name.split(".")[:2]) in others
+    ]
+    assert not wrong
+
+
+def test_only_net_and_clients_touch_sockets_in_the_library():
+    # Tables are computed by another process while the robot drives: that takes a thread to wait for it.
+    waits = {"ciberrato/localization/tables/worker.py"}
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for module, path in house().items()
+        if room(module, "ciberrato") in set(LIBRARY) - {"net", "client", "croblink"}
+        and str(path.relative_to(ROOT)) not in waits
         for name in imports(path)
         if name.split(".")[0] in {"socket", "threading", "signal", "asyncio", "select", "selectors"}
     ]
     assert not wrong
 
 
-@pytest.mark.parametrize("package", sorted(set(existing()) - {"benchmarks"}))
+@pytest.mark.parametrize("package", [name for name in PACKAGES if name != "benchmarks"])
 def test_slow_libraries_are_loaded_where_they_are_used(package):
     wrong = [
         f"{path.relative_to(ROOT)} imports {name} at its top level"
-        for path in modules(package)
+        for path in files(package)
         if str(path.relative_to(ROOT)) not in ITSELF_LAZY
         for name in imports(path, top_level_only=True)
         if name.split(".")[0] in LAZY
@@ -151,9 +243,6 @@ def test_slow_libraries_are_loaded_where_they_are_used(package):
 
 
 def test_every_third_party_import_is_a_declared_dependency():
-    import re
-    import tomllib
-
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     lists = [project["dependencies"], *project["optional-dependencies"].values()]
     declared = {re.match(r"[\w-]+", text)[0].lower().replace("-", "_") for one in lists for text in one}
@@ -161,10 +250,9 @@ def test_every_third_party_import_is_a_declared_dependency():
         declared.add("PIL")  # what it is called in programs
     undeclared = {
         name.split(".")[0]
-        for package in existing()
-        for path in modules(package)
+        for path in house().values()
         for name in imports(path)
-        if name.split(".")[0] not in PACKAGES | set(sys.stdlib_module_names) | declared
+        if name.split(".")[0] not in set(PACKAGES) | set(sys.stdlib_module_names) | declared
     }
     assert not undeclared
 
@@ -172,43 +260,13 @@ def test_every_third_party_import_is_a_declared_dependency():
 def test_modules_stay_small():
     long = {
         str(path.relative_to(ROOT)): lines
-        for package in existing()
-        for path in modules(package)
+        for path in house().values()
         if (lines := len(path.read_text().splitlines())) > 420
     }
     assert not long
 
 
-def names_of_modules():
-    return {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
-        for package in existing()
-        for path in modules(package)
-    }
-
-
-def imported_modules(path, known):
-    """Modules of this house that a file loads when it is loaded itself."""
-    tree = ast.parse(path.read_text())
-    for node in ast.walk(tree):
-        # Types may know one another, and what a function imports is loaded when it is called.
-        later = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-        if later or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)):
-            node.body = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name in known)
-        elif isinstance(node, ast.ImportFrom) and node.module in known:
-            inside = {f"{node.module}.{alias.name}" for alias in node.names} & known
-            yield from inside
-            if len(inside) < len(node.names):
-                yield node.module
-
-
 def test_no_module_imports_itself_by_a_detour():
-    import graphlib
-
-    paths = names_of_modules()
-    graph = {name: set(imported_modules(path, set(paths))) - {name} for name, path in paths.items()}
+    graph = {name: (imports(path) & set(house())) - {name} for name, path in house().items()}
     order = list(graphlib.TopologicalSorter(graph).static_order())  # CycleError names a circle
-    assert len(order) == len(paths) > 200
+    assert len(order) == len(house()) > 200

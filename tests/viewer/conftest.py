@@ -11,17 +11,14 @@ from pathlib import Path
 
 import pytest
 
-REPOSITORY = Path(__file__).parents[2]
-SECONDS = 15.0  # how long a test waits for what must come, so that a failure does not hang
+from tests.recordings import OWN
+
+SECONDS = 300.0  # how long a test waits for what must come, so that a failure does not hang
 
 
 def transcripts() -> list[Path]:
-    """Recorded sessions: those beside the tests, or else those beside the repository."""
-    for folder in (REPOSITORY / "tests/data/golden", REPOSITORY.parent / "shared/golden"):
-        found = sorted((folder / "transcripts").glob("*.jsonl.gz"))
-        if found:
-            return found
-    return []
+    """Recorded sessions of the real simulator."""
+    return sorted((OWN / "transcripts").glob("*.jsonl.gz"))
 
 
 @dataclass
@@ -158,16 +155,8 @@ class ReplayingSimulator:
         self._close_talk()
 
 
-@pytest.fixture(scope="session")
-def recordings() -> list[Path]:
-    found = transcripts()
-    if not found:
-        pytest.skip("no recorded sessions are here")
-    return found
-
-
 @pytest.fixture
-def full_session(recordings: list[Path]) -> ViewSession:
+def full_session() -> ViewSession:
     """The session in which a viewer did everything that it can do, Reset included."""
-    [path] = [path for path in recordings if path.name.startswith("01_")]
+    [path] = [path for path in transcripts() if path.name.startswith("01_")]
     return view_sessions(path)[0]

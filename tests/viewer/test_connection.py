@@ -4,11 +4,8 @@ import itertools
 
 import pytest
 
-from ciberrato.lab import Lab
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, Refusal, Restart, RobotStatus, encode
-from ciberrato.startgrid import StartGrid
-from viewer.connection import (
+from ciberrato.viewer.connection import (
     ANSWER_SECONDS,
     FIRST_RETRY,
     LONGEST_RETRY,
@@ -17,6 +14,9 @@ from viewer.connection import (
     ConnectionState,
     SimulatorConnection,
 )
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
 
 REPLY = encode(Acceptance(parameters=Parameters(), n_beacons=1))
 LAB = encode(Lab(name="x", width=4.0, height=2.0))

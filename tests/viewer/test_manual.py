@@ -7,7 +7,7 @@ import socket
 from pathlib import Path
 
 from ciberrato.overlay import KINDS, OVERLAY_PORT, decode_overlay
-from viewer.cli import _parser
+from ciberrato.viewer.cli import _parser
 
 DOCS = Path(__file__).parents[2] / "docs"
 VIEWER, OVERLAY = ((DOCS / name).read_text() for name in ("viewer.md", "overlay.md"))
@@ -25,7 +25,7 @@ def test_every_option_is_described_and_every_described_option_exists():
 
 def test_every_picture_is_there():
     pictures = re.findall(r"\]\((figures/[^)]+)\)", VIEWER)
-    assert len(pictures) == 9
+    assert len(pictures) == 10
     assert all((DOCS / picture).stat().st_size > 20_000 for picture in pictures)
 
 
@@ -64,7 +64,7 @@ def test_every_kind_of_shape_is_described():
 
 
 def test_the_messages_of_the_page_are_described():
-    from viewer.page_messages import read_page_message
+    from ciberrato.viewer.page_messages import read_page_message
 
     for text in re.findall(r"\| `(\{.*?\})`", VIEWER):
         read_page_message(json.dumps(json.loads(text)))

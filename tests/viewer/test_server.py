@@ -15,16 +15,16 @@ import pytest
 import websockets
 from websockets.asyncio.client import ClientConnection, connect
 
-from ciberrato.lab import Lab
 from ciberrato.net import UdpLink
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import Circle, GridBelief, OverlayMessage
-from ciberrato.parameters import Parameters
 from ciberrato.protocol import Acceptance, Restart, RobotStatus, encode
-from ciberrato.startgrid import StartGrid
-from viewer.page_messages import MOST_COMMAND_BYTES
-from viewer.server import Server
-from viewer.session import Session
+from ciberrato.viewer.page_messages import MOST_COMMAND_BYTES
+from ciberrato.viewer.server import Server
+from ciberrato.viewer.session import Session
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
 
 from .conftest import SECONDS, ReplayingSimulator, ViewSession, recorded_frames
 

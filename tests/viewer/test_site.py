@@ -4,7 +4,7 @@ from http import HTTPStatus
 
 import pytest
 
-from viewer.site import Site, is_loopback, read_assets
+from ciberrato.viewer.site import Site, is_loopback, read_assets
 
 ASSETS = {"/": ("text/html; charset=utf-8", b"<page>"), "/main.js": ("text/javascript", b"js")}
 HOST = {"Host": "127.0.0.1:6080"}

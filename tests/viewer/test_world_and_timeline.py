@@ -4,11 +4,11 @@ import itertools
 
 import pytest
 
-import viewer.timeline
-from ciberrato.parameters import Parameters
+import ciberrato.viewer.timeline
 from ciberrato.protocol import Acceptance, Restart, RobotStatus
-from viewer.timeline import Timeline
-from viewer.world import Frame, World
+from ciberrato.viewer.timeline import Timeline
+from ciberrato.viewer.world import Frame, World
+from ciberrato.world.parameters import Parameters
 
 
 def status(robot_id, time, **values):
@@ -104,7 +104,7 @@ def test_time_that_goes_back_begins_a_new_epoch():
 
 
 def test_memory_is_bounded_and_the_recent_past_stays_whole(monkeypatch):
-    monkeypatch.setattr(viewer.timeline, "MOST_FRAMES", 64)
+    monkeypatch.setattr(ciberrato.viewer.timeline, "MOST_FRAMES", 64)
     timeline = Timeline()
     for time in range(5000):
         timeline.add(frame(time), str(time))
@@ -115,7 +115,7 @@ def test_memory_is_bounded_and_the_recent_past_stays_whole(monkeypatch):
 
 
 def test_long_frames_are_forgotten_by_their_bytes(monkeypatch):
-    monkeypatch.setattr(viewer.timeline, "MOST_BYTES", 10_000)
+    monkeypatch.setattr(ciberrato.viewer.timeline, "MOST_BYTES", 10_000)
     timeline = Timeline()
     for time in range(1000):
         timeline.add(frame(time), "x" * 500)
@@ -149,7 +149,7 @@ def test_marks_say_what_happened():
 
 
 def test_marks_are_bounded(monkeypatch):
-    monkeypatch.setattr(viewer.timeline, "MOST_MARKS", 10)
+    monkeypatch.setattr(ciberrato.viewer.timeline, "MOST_MARKS", 10)
     timeline = Timeline()
     for time in range(100):
         timeline.add(frame(time, collisions=time), "")

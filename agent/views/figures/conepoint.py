@@ -1,7 +1,7 @@
 """The wall point that an IR sensor's distance belongs to: what a figure of the cones shows.
 
-`ciberrato.infrared` gives distances for arrays of sensors. Here one sensor's candidates are listed one by
-one, so that the nearest can be drawn; a test holds the two against each other.
+`ciberrato.infrared.model` has distances for arrays of sensors. Here one sensor's candidates are listed one
+by one, so that the nearest can be drawn; a test holds the two against each other.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ciberrato.geometry import WallMap
-from ciberrato.infrared import HALF_APERTURE, SENSOR_OFFSET
+from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.model import HALF_APERTURE, SENSOR_OFFSET
+from ciberrato.world.coordinates import Point
 
-Point = tuple[float, float]
 _TOLERANCE = 1e-9
 
 

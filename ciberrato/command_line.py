@@ -1,0 +1,31 @@
+"""The parser that all programs share: an error is one line, and options are never abbreviated."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any, NoReturn
+
+from ciberrato.errors import UsageError
+from ciberrato.version import __version__
+
+
+class ProgramParser(argparse.ArgumentParser):
+    """A parser with ``--version`` whose errors are `UsageError`.
+
+    Parameters
+    ----------
+    program : str
+        Its name, and that of the subcommand if it is one.
+    description : str
+    **options
+        As for `argparse.ArgumentParser`.
+    """
+
+    def __init__(self, program: str, description: str, **options: Any) -> None:
+        super().__init__(prog=program, description=description, allow_abbrev=False, **options)
+        version = f"ciberrato {__version__}"
+        self.add_argument("--version", action="version", version=version, help="show the version and end")
+
+    def error(self, message: str) -> NoReturn:
+        """Raise what is wrong with the command line."""
+        raise UsageError(f"{message} (see {self.prog} --help)")

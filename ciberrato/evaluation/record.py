@@ -1,0 +1,154 @@
+"""What is recorded of a run: the filter against the true pose, cycle by cycle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, TRUTH_PERIOD, Outcome, Task
+from ciberrato.geometry.angles import short_turn
+from ciberrato.localization.belief.estimate import CLAIM_RADIUS, CLAIM_TURN, probability_near
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.world.coordinates import Pose
+
+
+class Record:
+    """Gathers what an `Outcome` says.
+
+    Parameters
+    ----------
+    task : Task
+    start : (float, float, float)
+        True pose: units and radians.
+    room : float
+        Units squared that can be reached from it.
+    """
+
+    def __init__(self, task: Task, start: Pose, room: float) -> None:
+        self.task = task
+        self.start = [start[0], start[1], math.degrees(start[2])]
+        self.room = room
+        self.times: list[tuple[float, float]] = []
+        """Seconds of processor time that the filter and the drive took, by cycle."""
+        self.cycles = 0
+        self.first_right: int | None = None
+        self.kidnapped: int | None = None
+        self.found: int | None = None
+        self.arrived: int | None = None
+        self._rested: int | None = None
+        self._first_claim: int | None = None
+        self._first_claim_wrong = False
+        self._claimed = self._wrongly = self._colliding = 0
+        self._noticed: int | None = None
+        self._truth: list[float] = []
+        self._calibration = [[0, 0] for _ in range(10)]
+        self._place_error = self._turn_error = math.nan
+        self._probability = 0.0
+        self._claim = self._right = False
+
+    @property
+    def last_cycle(self) -> int:
+        """With which the run is over, as far as can be said now."""
+        if self.task.settle and self.first_right is not None:
+            return min(self.first_right + self.task.settle, self.task.cycles)
+        return self.task.cycles
+
+    def take(
+        self, cycle: int, pose: NDArray[np.float64], pose_filter: GridFilter, *, collision: bool
+    ) -> None:
+        """Compare the filter with the true pose after a cycle.
+
+        Parameters
+        ----------
+        cycle : int
+        pose : array, shape (3,)
+            The true one: units and radians.
+        pose_filter : GridFilter
+        collision : bool
+        """
+        found = pose_filter.estimate()
+        self._place_error = math.hypot(found.x - pose[0], found.y - pose[1])
+        turn = short_turn(found.heading - pose[2])
+        self._turn_error = abs(math.degrees(turn))
+        self._right = self._place_error <= CLAIM_RADIUS and abs(turn) <= CLAIM_TURN
+        self._claim, self._probability = found.certain, found.probability
+        self._colliding += collision
+        self._count(cycle)
+        if self.kidnapped is not None and cycle >= self.kidnapped:
+            since = cycle - self.kidnapped
+            restarted = any(at >= self.kidnapped for at in pose_filter.restarts)
+            if self._noticed is None and (restarted or not self._claim):
+                self._noticed = since
+            if self.found is None and self._claim and self._right:
+                self.found = since
+        if cycle % TRUTH_PERIOD == 0:
+            self._truth.append(round(probability_near(pose_filter.belief, pose[0], pose[1], pose[2]), 4))
+
+    def rest(self) -> None:
+        """End the run in what it has come to: the robot stands for good, and every cycle to come is alike."""
+        self._rested = self.cycles
+        for cycle in range(self.cycles + 1, self.last_cycle + 1):
+            self._count(cycle)
+            if cycle % TRUTH_PERIOD == 0:
+                self._truth.append(self._truth[-1])
+
+    def _count(self, cycle: int) -> None:
+        self.cycles = cycle
+        entry = self._calibration[min(int(self._probability * 10.0), 9)]
+        entry[0] += 1
+        entry[1] += self._right
+        if not self._claim:
+            return
+        self._claimed += 1
+        self._wrongly += not self._right
+        if self._first_claim is None:
+            self._first_claim, self._first_claim_wrong = cycle, not self._right
+        if self._right and self.first_right is None:
+            self.first_right = cycle
+
+    def outcome(self, collisions: int, pose_filter: GridFilter) -> Outcome:
+        """Sum up.
+
+        Parameters
+        ----------
+        collisions : int
+            Beginnings of collisions.
+        pose_filter : GridFilter
+
+        Returns
+        -------
+        Outcome
+        """
+        times = 1000.0 * np.array(self.times)
+        quantiles = np.round(np.quantile(times, [0.5, 0.99, 1.0], axis=0), 3)
+        steps = np.log(np.maximum(times.sum(axis=1), 1e-9) / LEAST_MS) / math.log(MS_RATIO)
+        counts = np.bincount(np.clip(steps, 0, MS_STEPS - 1).astype(np.int64), minlength=MS_STEPS)
+        return Outcome(
+            cycles=self.cycles,
+            start=[round(value, 4) for value in self.start],
+            room=round(self.room, 1),
+            first_right=self.first_right,
+            first_claim=self._first_claim,
+            first_claim_wrong=self._first_claim_wrong,
+            claimed=self._claimed,
+            wrongly=self._wrongly,
+            final_claim=self._claim,
+            final_place_error=round(self._place_error, 4),
+            final_turn_error=round(self._turn_error, 3),
+            collisions=collisions,
+            colliding=self._colliding,
+            restarts=list(pose_filter.restarts),
+            kidnapped=self.kidnapped,
+            noticed=self._noticed,
+            found=self.found,
+            arrived=self.arrived,
+            rested=self._rested,
+            truth=self._truth,
+            calibration=self._calibration,
+            filter_ms=quantiles[:, 0].tolist(),
+            drive_ms=quantiles[:, 1].tolist(),
+            ms_counts=counts.tolist(),
+            given_up=round(pose_filter.belief.given_up, 6),
+        )

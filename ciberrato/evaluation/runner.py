@@ -1,0 +1,229 @@
+"""Runs tasks on all cores, or on a cluster, and keeps every outcome as soon as it is there.
+
+Outcomes go to a file of JSON Lines, one line a task. What is in it already is not run again, so that an
+evaluation that was interrupted goes on where it was; a torn last line is run again, and so is a task that
+failed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any, NamedTuple, TextIO
+
+from ciberrato.errors import CiberratoError, LabError
+from ciberrato.evaluation.attempt import Failure, Result, attempt
+from ciberrato.evaluation.task import Outcome, Task
+
+_BAR = 30
+
+Clock = Callable[[], float]
+
+
+class Evaluation(NamedTuple):
+    """What came of some tasks."""
+
+    results: list[Result]
+    failures: list[Failure]
+
+
+def read_evaluation(path: Path) -> Evaluation:
+    """Read outcomes back.
+
+    Parameters
+    ----------
+    path : Path
+        A file that is not there holds none.
+
+    Returns
+    -------
+    Evaluation
+        Every task once; one that failed and was run again later counts by what came of it last.
+
+    Raises
+    ------
+    LabError
+        If a line other than the last is not an outcome.
+    """
+    if not path.exists():
+        return Evaluation([], [])
+    lines = path.read_bytes().split(b"\n")
+    lines.pop()  # empty, or torn
+    last: dict[str, Result | Failure] = {}
+    for number, line in enumerate(lines, start=1):
+        try:
+            document = json.loads(line)
+            task = Task(**document["task"])
+            if "error" in document:
+                last[task.key] = Failure(task, str(document["error"]))
+            else:
+                last[task.key] = Result(task, Outcome(**document["outcome"]))
+        except (ValueError, KeyError, TypeError) as error:
+            raise LabError(f"not an outcome: {error}", source=str(path), line=number) from None
+    return _sorted_out(last.values())
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    path: Path,
+    *,
+    jobs: int = 0,
+    scheduler: str | None = None,
+    progress: TextIO | None = sys.stderr,
+) -> Evaluation:
+    """Run the tasks that have no outcome yet.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+    path : Path
+        File of outcomes, appended to.
+    jobs : int
+        Processes; 0 = as many as there are cores.
+    scheduler : str or None
+        Address of a Dask scheduler whose workers run the tasks instead.
+    progress : text stream or None
+        For the progress bar.
+
+    Returns
+    -------
+    Evaluation
+        Results and failures in the order of the tasks, results of earlier runs included.
+
+    Raises
+    ------
+    UsageError
+        If the scheduler or its workers cannot do this.
+    CiberratoError
+        If a process of ours was killed.
+    """
+    tasks = list(dict.fromkeys(tasks))
+    known: dict[str, Result | Failure] = {result.task.key: result for result in read_evaluation(path).results}
+    missing = [task for task in tasks if task.key not in known]
+    bar = _Bar(len(missing), progress)
+    _mend(path)
+    with path.open("ab", buffering=0) as file:
+        for result in _outcomes(missing, jobs, scheduler):
+            document: dict[str, Any] = {"task": dataclasses.asdict(result.task)}
+            if isinstance(result, Result):
+                document["outcome"] = result.outcome.to_json()
+            else:
+                document["error"] = result.error
+            file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
+            known[result.task.key] = result
+            bar.step()
+    bar.close()
+    return _sorted_out(known[task.key] for task in tasks)
+
+
+def _sorted_out(all_of_them: Any) -> Evaluation:
+    evaluation = Evaluation([], [])
+    for one in all_of_them:
+        if isinstance(one, Result):
+            evaluation.results.append(one)
+        else:
+            evaluation.failures.append(one)
+    return evaluation
+
+
+def _mend(path: Path) -> None:
+    """Cut off a torn last line."""
+    if path.exists():
+        data = path.read_bytes()
+        whole = data[: data.rfind(b"\n") + 1]
+        if whole != data:
+            path.write_bytes(whole)
+
+
+def _outcomes(tasks: list[Task], jobs: int, scheduler: str | None) -> Iterator[Result | Failure]:
+    if not tasks:
+        return iter(())
+    if scheduler is not None:
+        from ciberrato.evaluation.cluster import on_cluster
+
+        return on_cluster(tasks, scheduler)
+    # Tasks of one lab one after the other, so that each process loads its tables once.
+    ordered = sorted(tasks, key=lambda task: (task.lab, task.drive == "right", task.resolution))
+    workers = min(jobs or os.cpu_count() or 1, len(ordered))
+    if workers == 1:
+        return map(attempt, ordered)
+    return _in_pool(ordered, workers)
+
+
+def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
+    """Hand the tasks out one by one, so that all processes end together."""
+    from ciberrato.evaluation.episode import tables_needed
+
+    context = multiprocessing.get_context("spawn")
+    executor = ProcessPoolExecutor(workers, context, initializer=_ignore_interrupt)
+    try:
+        # Before the first run, or each process would compute the same tables for itself.
+        needed = dict.fromkeys(tables for task in tasks for tables in tables_needed(task))
+        wait([executor.submit(_prepare, *tables) for tables in needed])
+        waiting = iter(tasks)
+        running: set[Future[Result | Failure]] = set()
+        while True:
+            while len(running) < 2 * workers and (task := next(waiting, None)) is not None:
+                running.add(executor.submit(attempt, task))
+            if not running:
+                break
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    except BrokenProcessPool:
+        raise CiberratoError("a process was killed (memory?); the same command goes on from here") from None
+    except BaseException:
+        for child in multiprocessing.active_children():
+            child.terminate()
+        raise
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def _ignore_interrupt() -> None:
+    """Leave Ctrl-C, which goes to all processes of a terminal, to the one that started this."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _prepare(lab: str, angles: tuple[float, ...], resolution: float) -> None:
+    from ciberrato.evaluation.episode import prepare
+
+    try:
+        prepare(lab, angles, resolution)
+    except Exception:
+        return  # the tasks that need these tables will say so
+
+
+class _Bar:
+    """A line that says how far things are, and when they will be done."""
+
+    def __init__(self, total: int, stream: TextIO | None, clock: Clock = time.monotonic) -> None:
+        self._total, self._done, self._stream, self._clock = total, 0, stream, clock
+        self._began = clock()
+        self._shown = -1.0
+
+    def step(self) -> None:
+        self._done += 1
+        now = self._clock()
+        if self._stream is None or (now - self._shown < 0.5 and self._done < self._total):
+            return
+        self._shown = now
+        filled = _BAR * self._done // max(self._total, 1)
+        left = (now - self._began) / self._done * (self._total - self._done)
+        self._stream.write(
+            f"\r[{'#' * filled}{'.' * (_BAR - filled)}] {self._done}/{self._total} runs, {left:.0f} s left "
+        )
+        self._stream.flush()
+
+    def close(self) -> None:
+        if self._stream is not None and self._done:
+            self._stream.write("\n")

@@ -1,0 +1,384 @@
+"""Reads the log that a simulator writes (``--log``): the real one's, and ours.
+
+A log is one XML document: parameters, lab, start grid, and a LogInfo for each running cycle, which holds the
+state after that many cycles and the actions that lead to the next one. It is read in pieces, so that long
+logs need no more memory than their records. A log that ends early, as that of a simulator that was killed, is
+read as far as it goes.
+"""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import re
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+from xml.parsers import expat
+from xml.parsers.expat import errors as expat_errors
+
+from ciberrato.errors import LabError, ProtocolError, UsageError
+from ciberrato.files.log_kind import GZIP_MAGIC
+from ciberrato.protocol import Actions, Measures, decode_parameters
+from ciberrato.protocol.lab_text import grid_from_element, lab_from_element
+from ciberrato.protocol.measures_text import measures_from_element
+from ciberrato.protocol.text import required, strict_integer, strict_real
+from ciberrato.protocol.xmltree import Element
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+from ciberrato.world.start_grid import StartGrid
+
+PIECE = 1 << 16
+"""Bytes read at a time."""
+
+_SIGN_BIT = 2**31
+_NOT_UTF8 = re.compile("[\udc80-\udcff]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoggedRobot:
+    """One robot in one cycle.
+
+    Attributes
+    ----------
+    robot_id : int
+    name : str
+    state : str
+        ``Running``, ``Finished``, ...
+    x, y : float
+        True position in units, six digits.
+    direction : float
+        True heading in degrees.
+    score : int
+        Signed.
+    arrival_time, returning_time, collisions : int
+    collision : bool
+    visited_mask : str
+    actions : Actions or None
+        What arrived for the coming cycle, motors after clamping; None where nothing did. Requests, messages,
+        and a lone VisitingLed are not in the log.
+    measures : Measures
+        The sensors after this cycle, all of them, whether or not the robot was sent them; without messages
+        and score. The LEDs are those after the actions.
+    """
+
+    robot_id: int
+    name: str
+    state: str
+    x: float
+    y: float
+    direction: float
+    score: int
+    arrival_time: int
+    returning_time: int
+    collisions: int
+    collision: bool
+    visited_mask: str
+    actions: Actions | None
+    measures: Measures
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogRecord:
+    """One cycle.
+
+    Attributes
+    ----------
+    time : int
+        Simulated cycles so far.
+    robots : tuple of LoggedRobot
+        In order of their ids.
+    """
+
+    time: int
+    robots: tuple[LoggedRobot, ...]
+
+    def robot(self, robot_id: int) -> LoggedRobot | None:
+        """Return the robot of that id, if it is in the record."""
+        return next((robot for robot in self.robots if robot.robot_id == robot_id), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogHeader:
+    """What a log begins with.
+
+    Attributes
+    ----------
+    date : str
+        As the simulator wrote it.
+    parameters : Parameters
+        As announced: without the line sensor's probability.
+    n_beacons : int
+    lab : Lab
+        Numbers have six digits.
+    grid : StartGrid
+    """
+
+    date: str
+    parameters: Parameters
+    n_beacons: int
+    lab: Lab
+    grid: StartGrid
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatorLog:
+    """A whole log.
+
+    Attributes
+    ----------
+    header : LogHeader
+    records : tuple of LogRecord
+        By time.
+    complete : bool
+        Whether the log has its end; False where the simulator was killed.
+    """
+
+    header: LogHeader
+    records: tuple[LogRecord, ...]
+    complete: bool
+
+    @property
+    def robot_ids(self) -> tuple[int, ...]:
+        """All robots that appear, in order of their ids."""
+        return tuple(sorted({robot.robot_id for record in self.records for robot in record.robots}))
+
+
+def read_simulator_log(path: str | Path) -> SimulatorLog:
+    """Read a whole log; one that is packed with gzip is unpacked.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    SimulatorLog
+
+    Raises
+    ------
+    UsageError
+        If there is no such file, or it cannot be read.
+    LabError
+        If it is no log; names the line.
+    """
+    stream = LogStream(path)
+    records = tuple(stream)
+    return SimulatorLog(header=stream.header, records=records, complete=stream.complete)
+
+
+class LogStream:
+    """A log, record by record, in constant memory.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Attributes
+    ----------
+    header : LogHeader
+        Read at once.
+    complete : bool
+        After the last record: whether the log has its end.
+
+    Raises
+    ------
+    UsageError
+        If there is no such file, or it cannot be read.
+    LabError
+        If it is no log; names the line. Also while the records are read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.complete = False
+        self._parser = _LogParser(str(path))
+        self._pieces = _pieces(path)
+        for piece in self._pieces:
+            self._parser.feed(piece)
+            if self._parser.records:
+                break
+        self.header = self._parser.header()
+
+    def __iter__(self) -> Iterator[LogRecord]:
+        """Yield the records; once."""
+        records = self._parser.records
+        while records:
+            yield records.popleft()
+        for piece in self._pieces:
+            self._parser.feed(piece)
+            while records:
+                yield records.popleft()
+        self.complete = self._parser.finish()
+
+
+def _pieces(path: str | Path) -> Iterator[bytes]:
+    try:
+        with _open(path) as file:
+            while piece := file.read(PIECE):
+                yield piece
+    except FileNotFoundError:
+        raise UsageError(f"{path}: no such file; check the path") from None
+    except IsADirectoryError:
+        raise UsageError(f"{path}: is a directory; name a log in it") from None
+    except (OSError, EOFError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise UsageError(f"{path}: cannot be read ({reason}); check the file and its permissions") from None
+
+
+def _open(path: str | Path) -> BinaryIO:
+    with open(path, "rb") as file:
+        packed = file.read(2) == GZIP_MAGIC
+    if packed:
+        return gzip.open(path)  # type: ignore[return-value]  # reads like one
+    return open(path, "rb")
+
+
+class _LogParser:
+    """Takes the bytes of a log in pieces, and puts its records into a queue."""
+
+    def __init__(self, source: str) -> None:
+        self.records: deque[LogRecord] = deque()
+        self._source = source
+        self._date = ""
+        self._parts: dict[str, Element] = {}
+        self._open: list[Element] = []
+        self._ended = False
+        # Ours is UTF-8; the real simulator writes names as Latin-1. Neither declares anything.
+        self._decoder = codecs.getincrementaldecoder("utf-8")("surrogateescape")
+        self._parser = expat.ParserCreate("utf-8")
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.StartDoctypeDeclHandler = self._refuse_doctype
+
+    def feed(self, data: bytes) -> None:
+        """Take the next piece."""
+        text = self._decoder.decode(data)
+        if not text.isascii():
+            text = _NOT_UTF8.sub(lambda match: chr(ord(match[0]) - 0xDC00), text)
+        self._parse(text.encode(), final=False)
+
+    def finish(self) -> bool:
+        """Say whether the log has its end."""
+        if self._ended:
+            self._parse(b"", final=True)
+        return self._ended
+
+    def _parse(self, data: bytes, *, final: bool) -> None:
+        try:
+            self._parser.Parse(data, final)
+        except expat.ExpatError as error:
+            problem = expat.ErrorString(error.code)
+            if error.code == expat_errors.codes[expat_errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT]:
+                problem = "something follows the end of the log"
+            raise self._error(f"is not a simulator's log ({problem})", error.lineno) from None
+
+    def _error(self, problem: str, line: int | None = None) -> LabError:
+        return LabError(
+            problem,
+            source=self._source,
+            line=self._parser.CurrentLineNumber if line is None else line,
+        )
+
+    def _refuse_doctype(self, *_declaration: object) -> None:
+        raise self._error("has a document type, which a simulator's log has not")
+
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
+        element = Element(name, attributes)
+        if not self._open:
+            if name != "Log":
+                raise self._error(f"begins with {name}: not a simulator's log, which begins with Log")
+            self._date = attributes.get("Date", "")
+        elif len(self._open) > 1:  # what hangs on the root itself is let go of when it is read
+            self._open[-1].children.append(element)
+        if len(self._open) > 8:
+            raise self._error("is nested too deeply for a simulator's log")
+        self._open.append(element)
+
+    def _end(self, name: str) -> None:
+        element = self._open.pop()
+        if not self._open:
+            self._ended = True
+        elif len(self._open) == 1:
+            if name == "LogInfo":
+                try:
+                    self.records.append(_record(element))
+                except ProtocolError as error:
+                    raise self._error(f"LogInfo that ends here: {error}") from None
+            else:
+                self._parts[name] = element
+
+    def header(self) -> LogHeader:
+        """Make the header of what came before the first record."""
+        missing = [name for name in ("Parameters", "Lab", "Grid") if name not in self._parts]
+        if missing:
+            raise self._error(f"has no {missing[0]} before its first LogInfo: not a simulator's log")
+        try:
+            parameters, n_beacons = decode_parameters(self._parts["Parameters"].attributes)
+            return LogHeader(
+                date=self._date,
+                parameters=parameters,
+                n_beacons=n_beacons,
+                lab=lab_from_element(self._parts["Lab"]),
+                grid=grid_from_element(self._parts["Grid"]),
+            )
+        except ProtocolError as error:
+            raise LabError(str(error), source=self._source) from None
+
+
+def _record(element: Element) -> LogRecord:
+    return LogRecord(
+        time=_integer(element, "Time"),
+        robots=tuple(_robot(child) for child in element.children if child.name == "Robot"),
+    )
+
+
+def _robot(element: Element) -> LoggedRobot:
+    parts = {child.name: child for child in element.children}
+    for name in ("Pos", "Scores", "Measures"):
+        if name not in parts:
+            raise ProtocolError(f"Robot: element {name} is missing")
+    position, scores = parts["Pos"], parts["Scores"]
+    score = _integer(scores, "Score")
+    return LoggedRobot(
+        robot_id=_integer(element, "Id"),
+        name=element.attributes.get("Name", ""),
+        state=required(element.attributes, "Robot", "State"),
+        x=_real(position, "X"),
+        y=_real(position, "Y"),
+        direction=_real(position, "Dir"),
+        score=score - 2 * _SIGN_BIT if score >= _SIGN_BIT else score,
+        arrival_time=_integer(scores, "ArrivalTime"),
+        returning_time=_integer(scores, "ReturningTime"),
+        collisions=_integer(scores, "Collisions"),
+        collision=scores.attributes.get("Collision") == "True",
+        visited_mask=scores.attributes.get("VisitedMask", ""),
+        actions=_actions(parts["Action"]) if "Action" in parts else None,
+        measures=measures_from_element(parts["Measures"]),
+    )
+
+
+def _actions(element: Element) -> Actions:
+    def motor(name: str) -> float | None:
+        return _real(element, name) if name in element.attributes else None
+
+    def led(name: str) -> bool | None:
+        text = element.attributes.get(name)
+        return None if text is None else text == "On"
+
+    return Actions(
+        left_motor=motor("LeftMotor"),
+        right_motor=motor("RightMotor"),
+        end_led=led("EndLed"),
+        returning_led=led("ReturningLed"),
+        visiting_led=led("VisitingLed"),
+    )
+
+
+def _integer(element: Element, name: str) -> int:
+    return strict_integer(required(element.attributes, element.name, name), f"{element.name} {name}")
+
+
+def _real(element: Element, name: str) -> float:
+    return strict_real(required(element.attributes, element.name, name), f"{element.name} {name}")

@@ -1,0 +1,1 @@
+"""The belief over poses: its lattice, how it moves and is reweighted, what it says."""

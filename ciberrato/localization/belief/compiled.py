@@ -1,0 +1,104 @@
+"""Whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
+
+Nothing is loaded by itself: importing numba takes half a second, and what it has to compile the first time
+many. `load` is called where that delays nobody: before a robot registers if the machine code is `at_hand`,
+else in a thread after another process has compiled; and before an evaluation.
+As a program this module leaves the machine code in numba's cache: compiling takes many seconds, reading it a
+tenth of one. ``CIBERRATO_COMPILED`` is ``auto`` (the default: if numba is there), ``on`` or ``off``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from ciberrato.errors import UsageError
+
+CHOICES = ("auto", "on", "off")
+VARIABLE = "CIBERRATO_COMPILED"
+LOOPS = 9
+"""Number of compiled functions."""
+
+_active: ModuleType | None = None
+
+
+def choice() -> str:
+    """Give what the environment asks for.
+
+    Returns
+    -------
+    {"auto", "on", "off"}
+
+    Raises
+    ------
+    UsageError
+        If it is something else, or machine code is asked for and numba is not there.
+    """
+    chosen = os.environ.get(VARIABLE) or "auto"
+    if chosen not in CHOICES:
+        raise UsageError(f"{VARIABLE}: {chosen!r} is not {', '.join(CHOICES)}")
+    if chosen == "on" and not available():
+        raise UsageError(f"{VARIABLE}=on needs numba: pip install 'ciberrato[fast]'")
+    return chosen
+
+
+def available() -> bool:
+    """Whether numba is installed."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def at_hand() -> bool:
+    """Whether `load` would take half a second at the most, as all is in numba's cache beside the source."""
+    if choice() == "off" or not available():
+        return False
+    source = Path(__file__).with_name("kernels.py")
+    made = source.stat().st_mtime
+    indexes = (source.parent / "__pycache__").glob("kernels.*.nbi")
+    return sum(index.stat().st_mtime >= made for index in indexes) >= LOOPS  # others are of older sources
+
+
+def kernels() -> ModuleType | None:
+    """Give the compiled loops if they are loaded and in use."""
+    return _active
+
+
+def use(module: ModuleType | None) -> None:
+    """Use these loops from now on, or, with None, those of numpy."""
+    global _active
+    _active = module
+
+
+def load() -> bool:
+    """Load the compiled loops, unless they are not wanted or not there.
+
+    Returns
+    -------
+    bool
+        Whether they are in use now.
+    """
+    if choice() == "off":
+        return False
+    if _active is None:
+        if not available():
+            return False
+        from ciberrato.localization.belief import warm_up as warming
+
+        try:
+            from ciberrato.localization.belief import kernels
+        except (ImportError, RuntimeError) as error:  # a numba that does not fit, or no place for its cache
+            if choice() == "on":
+                raise UsageError(f"{VARIABLE}=on: {error}") from None
+            return False
+        warming.call_all(kernels)
+        use(kernels)
+    return True
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(OSError):
+        os.nice(5)  # the loop that waits for this comes first
+    sys.exit(0 if load() else 1)

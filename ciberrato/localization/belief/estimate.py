@@ -1,0 +1,183 @@
+"""What a belief amounts to: the pose, how certain it is, and what else it may be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ciberrato.arrays import Floats
+from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.world.lab import CELL_SIZE
+
+CLAIM_RADIUS = 0.5
+"""Units: the probability of an estimate is that of all poses so near, and turned so little."""
+CLAIM_TURN = math.radians(10.0)
+CERTAIN = 0.95
+"""Probability from which on the pose counts as known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseEstimate:
+    """A pose and its probability.
+
+    Attributes
+    ----------
+    x, y : float
+        Units.
+    heading : float
+        Radians within ±π.
+    probability : float
+        Weight of all poses within `CLAIM_RADIUS` and `CLAIM_TURN`.
+    cell : (int, int)
+        Row (from the bottom) and column of the cell.
+    """
+
+    x: float
+    y: float
+    heading: float
+    probability: float
+    cell: tuple[int, int]
+
+    @property
+    def certain(self) -> bool:
+        """Whether the pose counts as known."""
+        return self.probability > CERTAIN
+
+    def moved_to(self, x: float, y: float, heading: float) -> PoseEstimate:
+        """Give an estimate of another pose, with the same probability; the heading within ±π."""
+        cell = (math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE))
+        return PoseEstimate(x=x, y=y, heading=heading, probability=self.probability, cell=cell)
+
+
+def estimate(belief: PoseBelief) -> PoseEstimate:
+    """Find the pose around which the most likely state lies.
+
+    Parameters
+    ----------
+    belief : PoseBelief
+
+    Returns
+    -------
+    PoseEstimate
+    """
+    return modes(belief, most=1)[0]
+
+
+def modes(belief: PoseBelief, *, most: int = 8, least: float = 0.02) -> list[PoseEstimate]:
+    """Find the poses that the belief is gathered around, the most probable state's first.
+
+    Parameters
+    ----------
+    belief : PoseBelief
+    most : int
+        How many to give at most.
+    least : float
+        Probability below which no further pose is given.
+
+    Returns
+    -------
+    list of PoseEstimate
+        At least one. No state counts for two of them.
+    """
+    bins, squares, weights = _strongest(belief)
+    x, y = belief.places(bins, squares)
+    headings = belief.headings()[bins]
+    left = weights.copy()
+    found: list[PoseEstimate] = []
+    while len(found) < most:
+        peak = int(left.argmax())
+        if found and left[peak] <= 0.0:
+            break
+        centre = (float(x[peak]), float(y[peak]), float(headings[peak]))
+        for reach in (1.5, 1.2):
+            near = _within(x, y, headings, centre, reach)
+            centre = _mean(x, y, headings, left * near, centre)
+        inside = _within(x, y, headings, centre, 1.0)
+        probability = min(float((left * inside).sum()), 1.0)
+        if found and probability < least:
+            break
+        found.append(_as_estimate(centre, probability))
+        left[_within(x, y, headings, centre, 1.5)] = 0.0
+        left[peak] = 0.0
+    return found
+
+
+def probability_near(belief: PoseBelief, x: float, y: float, heading: float) -> float:
+    """Weight of the poses within `CLAIM_RADIUS` and `CLAIM_TURN` of a pose.
+
+    Parameters
+    ----------
+    belief : PoseBelief
+    x, y : float
+        Units.
+    heading : float
+        Radians.
+
+    Returns
+    -------
+    float
+    """
+    if belief.dense is None:
+        bins, squares, weights = belief.listed()
+    else:
+        near = np.abs(_wrap(belief.headings() - heading)) <= CLAIM_TURN
+        lattice = belief.lattice
+        close = np.hypot(lattice.x - x, lattice.y - y) <= CLAIM_RADIUS + lattice.resolution
+        bins, squares = (
+            np.repeat(np.flatnonzero(near), close.sum()),
+            np.tile(np.flatnonzero(close), near.sum()),
+        )
+        weights = belief.dense[bins, squares].astype(np.float64)
+    places_x, places_y = belief.places(bins, squares)
+    inside = _within(places_x, places_y, belief.headings()[bins], (x, y, heading), 1.0)
+    return min(float((weights * inside).sum()), 1.0)
+
+
+def _strongest(belief: PoseBelief) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """States that carry the belief; of a dense one only those well above the mean."""
+    if belief.dense is None:
+        return belief.listed()
+    weights = belief.dense  # its last column is zero
+    strong = weights > 0.02 * float(weights.max())
+    if np.count_nonzero(strong) <= 20_000:
+        bins, squares = np.nonzero(strong)
+    else:
+        peak = np.unravel_index(int(weights.argmax()), weights.shape)
+        bins, squares = np.array([peak[0]]), np.array([peak[1]])
+    return bins, squares, weights[bins, squares].astype(np.float64)
+
+
+def _within(
+    x: Floats, y: Floats, headings: Floats, centre: tuple[float, float, float], reach: float
+) -> NDArray[np.bool_]:
+    near = (x - centre[0]) ** 2 + (y - centre[1]) ** 2 <= (reach * CLAIM_RADIUS) ** 2
+    turned = np.abs(_wrap(headings - centre[2])) <= reach * CLAIM_TURN
+    return np.asarray(near & turned)
+
+
+def _mean(
+    x: Floats, y: Floats, headings: Floats, weights: Floats, centre: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    total = float(weights.sum())
+    if total <= 0.0:
+        return centre
+    turn = float((weights * _wrap(headings - centre[2])).sum()) / total
+    return float((weights * x).sum()) / total, float((weights * y).sum()) / total, centre[2] + turn
+
+
+def _wrap(angles: Floats) -> Floats:
+    return np.asarray(angles - 2.0 * math.pi * np.rint(angles / (2.0 * math.pi)))
+
+
+def _as_estimate(pose: tuple[float, float, float], probability: float) -> PoseEstimate:
+    x, y, heading = pose
+    return PoseEstimate(
+        x=x,
+        y=y,
+        heading=math.remainder(heading, 2.0 * math.pi),
+        probability=probability,
+        cell=(math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE)),
+    )

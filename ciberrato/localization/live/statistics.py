@@ -1,0 +1,68 @@
+"""How the live filter kept up with its robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ciberrato.localization.belief import compiled
+from ciberrato.localization.tables.memory import memory_megabytes
+from ciberrato.localization.tables.worker import TableWorker
+
+
+@dataclass(slots=True)
+class LiveStatistics:
+    """How the live filter kept up.
+
+    Attributes
+    ----------
+    milliseconds : list of float
+        Time used in every cycle.
+    lags : list of int
+        Messages left waiting after every cycle, since there are tables.
+    answers : list of float
+        Milliseconds from the arrival of a message to its answer, since there are tables.
+    ready, fine : int or None
+        Times (simulated cycles) at which the filter began, and changed to fine tables.
+    """
+
+    milliseconds: list[float] = field(default_factory=list)
+    lags: list[int] = field(default_factory=list)
+    answers: list[float] = field(default_factory=list)
+    ready: int | None = None
+    fine: int | None = None
+
+    def lines(self, worker: TableWorker) -> list[str]:
+        """Sum up in a few lines, as the agent prints them and the benchmarks read them.
+
+        Parameters
+        ----------
+        worker : TableWorker
+            Where the tables came from.
+
+        Returns
+        -------
+        list of str
+        """
+        if not self.milliseconds:
+            return ["the filter never ran"]
+        late = sum(lag > 0 for lag in self.lags)
+        loops = "numpy" if compiled.kernels() is None else "numba"
+        tables = ", ".join(f"{which} after {seconds:.2f} s" for which, seconds in worker.seconds.items())
+        return [
+            f"filter ({loops}): {_spread(self.milliseconds)}; "
+            f"behind in {late} of {len(self.lags)} cycles, by {max(self.lags, default=0)} at most",
+            f"answers: {_spread(self.answers)}",
+            f"tables: {tables}; memory at most {memory_megabytes():.0f} MB, "
+            f"{worker.megabytes:.0f} MB of another process for computing tables",
+        ]
+
+
+def _spread(milliseconds: Sequence[float]) -> str:
+    ordered = sorted(milliseconds)
+    if not ordered:
+        return "none"
+    return (
+        f"{ordered[len(ordered) // 2]:.1f} ms a cycle (median), "
+        f"{ordered[int(0.99 * (len(ordered) - 1))]:.1f} ms (99 %), {ordered[-1]:.1f} ms (most)"
+    )

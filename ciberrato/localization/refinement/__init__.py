@@ -1,0 +1,1 @@
+"""Particles that track a known pose finer than the lattice does."""

@@ -1,0 +1,1 @@
+"""What a run leaves: log, truth, results, reference files; and the observers that write them."""

@@ -1,0 +1,149 @@
+"""How runs came out: as JSON for programs, and in a few lines for people."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ciberrato.errors import UsageError
+from simulator_stub.recording.observer import Observer
+
+if TYPE_CHECKING:
+    from simulator_stub.simulation import Simulation
+    from simulator_stub.world.robot import Robot
+
+FORMAT = 1
+"""Number of the format of the result file; counted up when something in it changes its meaning."""
+
+
+class Results(Observer):
+    """Keeps the outcome of every run in which time passed.
+
+    Parameters
+    ----------
+    scoring : int
+        Scoring mode.
+    path : Path or None
+        The result file, written anew after each run; None for no file.
+    notify : callable
+        Told the outcome of each run, a line for each robot.
+
+    Attributes
+    ----------
+    seed : int or None
+        Of the run that is going on; None if it has none of its own, as after a Reset.
+    runs : list of dict
+        The runs so far, as they are in the result file.
+    answers : callable or None
+        Tells by a robot's id how it answered, in lockstep.
+
+    Raises
+    ------
+    UsageError
+        If the file cannot be written; also later, when the disk is full.
+    """
+
+    def __init__(self, *, seed: int, scoring: int, path: Path | None, notify: Callable[[str], None]) -> None:
+        self.seed: int | None = seed
+        self.runs: list[dict[str, Any]] = []
+        self.answers: Callable[[int], dict[str, int]] | None = None
+        self._scoring = scoring
+        self._path = path
+        self._notify = notify
+        self._save()
+
+    def world_ended(self, simulation: Simulation) -> None:
+        """Keep the outcome, write it down, and tell it."""
+        if simulation.time > 0:
+            run = outcome(simulation) | {
+                "run": len(self.runs) + 1,
+                "seed": self.seed,
+                "scoring": self._scoring,
+            }
+            if self.answers is not None:
+                for robot in run["robots"]:
+                    robot["lockstep"] = self.answers(robot["id"])
+            self.runs.append(run)
+            self._save()
+            for line in summary(run):
+                self._notify(line)
+        self.seed = None
+
+    def _save(self) -> None:
+        if self._path is None:
+            return
+        # Whoever looks at the file must never see half of it.
+        draft = self._path.with_name(self._path.name + ".part")
+        text = json.dumps({"format": FORMAT, "runs": self.runs}, indent=2) + "\n"
+        try:
+            draft.write_text(text, encoding="utf-8")
+            os.replace(draft, self._path)
+        except OSError as error:
+            raise UsageError(f"{self._path}: cannot be written ({error.strerror})") from None
+
+
+def outcome(simulation: Simulation) -> dict[str, Any]:
+    """Tell how a run came out, or how it stands.
+
+    Parameters
+    ----------
+    simulation : Simulation
+
+    Returns
+    -------
+    dict
+        ``lab`` (name), ``time`` and ``sim_time`` in cycles, ``state`` of the simulator, and ``robots``, a
+        list of dicts in order of the ids: ``id``, ``name``, ``state``, ``score``, ``arrival_time``,
+        ``returning_time``, ``collisions``, ``visited`` (numbers of targets), ``x``, ``y``, ``direction``
+        (units, degrees).
+    """
+    return {
+        "lab": simulation.world.lab.name,
+        "time": simulation.time,
+        "sim_time": simulation.world.parameters.sim_time,
+        "state": simulation.state.value,
+        "robots": [_robot(robot) for robot in simulation.robots],
+    }
+
+
+def _robot(robot: Robot) -> dict[str, Any]:
+    return {
+        "id": robot.robot_id,
+        "name": robot.name,
+        "state": robot.state.value,
+        "score": robot.score,
+        "arrival_time": robot.arrival_time,
+        "returning_time": robot.returning_time,
+        "collisions": robot.collisions,
+        "visited": sorted(robot.visited),
+        "x": robot.x,
+        "y": robot.y,
+        "direction": robot.heading_degrees,
+    }
+
+
+def summary(run: dict[str, Any]) -> list[str]:
+    """Put the outcome of a run into lines for people.
+
+    Parameters
+    ----------
+    run : dict
+        As `outcome` gives it.
+
+    Returns
+    -------
+    list of str
+        One for the run, one for each robot.
+    """
+    limit = f" of {run['sim_time']}" if run["sim_time"] else ""
+    lines = [f"run {run['run']}: time {run['time']}{limit}"]
+    for robot in run["robots"]:
+        visited = ", ".join(str(number) for number in robot["visited"]) or "none"
+        lines.append(
+            f"robot {robot['id']}, {robot['name']!r}: {robot['state'].lower()}, score {robot['score']}, "
+            f"targets visited: {visited}, collisions: {robot['collisions']}"
+        )
+    return lines

@@ -1,0 +1,1 @@
+"""The shell around the simulation: clients, transports, pace, runs."""

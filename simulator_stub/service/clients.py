@@ -1,0 +1,127 @@
+"""The clients that take part, as the session keeps them: robots and views, each with what it has sent."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from ciberrato.errors import ProtocolError
+from ciberrato.protocol import Actions, ViewCommand, decode_actions, decode_view_command
+from simulator_stub.service.answers import Answers
+from simulator_stub.service.transports import Peer
+
+QUEUE_LIMIT = 1000
+"""Messages of one client that may wait; further ones are lost, as in a full socket."""
+
+
+class RobotClient:
+    """A robot's client.
+
+    Attributes
+    ----------
+    robot_id : int
+    peer : Peer
+    messages : deque of Actions or ProtocolError
+        What has arrived and has not been read.
+    answered : bool
+        Whether anything has arrived since the last Measures.
+    complete : bool
+        Whether the last message that arrived can stand alone (see `stands_alone`).
+    arrived : int
+        Messages taken so far.
+    commands : int
+        Motor commands among them since whoever counts them set it to 0.
+    braked, moving : bool
+        Whether the last of them stops the robot, though the one before did not; whether it moves it.
+    answers : Answers
+        How it answers, for lockstep.
+    silent : bool
+        Whether it was waited for in vain: it is not waited for until it sends something.
+    """
+
+    __slots__ = (
+        "answered",
+        "answers",
+        "arrived",
+        "braked",
+        "commands",
+        "complete",
+        "messages",
+        "moving",
+        "peer",
+        "robot_id",
+        "silent",
+    )
+
+    def __init__(self, robot_id: int, peer: Peer) -> None:
+        self.robot_id = robot_id
+        self.peer = peer
+        self.messages: deque[Actions | ProtocolError] = deque()
+        self.answered = False
+        self.complete = True
+        self.silent = False
+        self.arrived = 0
+        self.commands = 0
+        self.braked = False
+        self.moving = False
+        self.answers = Answers(robot_id)
+        peer.deliver = self.take
+
+    def take(self, data: bytes) -> None:
+        """Take a message as it arrives."""
+        if len(self.messages) >= QUEUE_LIMIT:
+            return
+        try:
+            actions = decode_actions(data)
+        except ProtocolError as error:
+            self.messages.append(error)
+        else:
+            self.messages.append(actions)
+            self.complete = stands_alone(actions)
+            if self.complete:
+                self.commands += 1
+                moves = bool(actions.left_motor or actions.right_motor)
+                self.braked = self.moving and not moves
+                self.moving = moves
+        self.arrived += 1
+        self.answered = True
+        self.silent = False
+
+
+class ViewClient:
+    """A view's client.
+
+    Attributes
+    ----------
+    peer : Peer
+    messages : deque of ViewCommand or ProtocolError
+    """
+
+    __slots__ = ("messages", "peer")
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.messages: deque[ViewCommand | ProtocolError] = deque()
+        peer.deliver = self.take
+
+    def take(self, data: bytes) -> None:
+        """Take a message as it arrives."""
+        if len(self.messages) >= QUEUE_LIMIT:
+            return
+        try:
+            self.messages.append(decode_view_command(data))
+        except ProtocolError as error:
+            self.messages.append(error)
+
+
+def stands_alone(actions: Actions) -> bool:
+    """Whether a message looks like a robot's whole answer.
+
+    The usual client libraries have one call for the motors, and others for each LED (which command both
+    motors to 0), for saying and for requesting. A robot that uses one of the others often follows it up with
+    a motor command in the same cycle.
+    """
+    if actions.left_motor or actions.right_motor:
+        return True
+    lights = any(led is not None for led in (actions.end_led, actions.returning_led, actions.visiting_led))
+    commands = actions.left_motor is not None or actions.right_motor is not None
+    return commands and not lights

@@ -1,0 +1,68 @@
+"""When a run is over, and what comes then: the next one, or the end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from simulator_stub.world.robot_state import RobotState
+from simulator_stub.world.simulator_state import SimulatorState
+
+if TYPE_CHECKING:
+    from simulator_stub.recording.results import Results
+    from simulator_stub.service.session import Session
+
+FAREWELL = 1
+"""Cycles after the end of a run, so that its robots see that both buttons are off."""
+
+
+class Runs:
+    """Looks after each cycle whether the run is over.
+
+    A run is over when its time is, or when every robot has finished, was removed, or has closed its
+    connection.
+
+    Parameters
+    ----------
+    session : Session
+    results : Results
+    seed : int
+        Of the first run; the next ones count up.
+    count : int
+        How many runs there are to be; 0 for going on for ever, whatever becomes of the robots.
+    """
+
+    def __init__(self, session: Session, results: Results, *, seed: int, count: int) -> None:
+        self._session = session
+        self._results = results
+        self._seed = seed
+        self._left = count
+        self._farewell = FAREWELL
+
+    def go_on(self) -> bool:
+        """Begin the next run if it is time; False if the last one is over."""
+        if self._left == 0 or not self._over():
+            self._farewell = FAREWELL
+            return True
+        if self._farewell > 0:
+            self._farewell -= 1
+            return True
+        self._left -= 1
+        if self._left == 0:
+            return False
+        self._farewell = FAREWELL
+        self._seed += 1
+        self._session.reset(self._seed)
+        self._results.seed = self._seed
+        return True
+
+    def _over(self) -> bool:
+        simulation = self._session.simulation
+        if simulation.state is SimulatorState.FINISHED:
+            return True
+        if simulation.state is not SimulatorState.RUNNING or not simulation.robots:
+            return False
+        clients = self._session.robots
+        return all(
+            robot.state in (RobotState.FINISHED, RobotState.REMOVED) or clients[robot.robot_id].peer.closed
+            for robot in simulation.robots
+        )

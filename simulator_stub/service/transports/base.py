@@ -1,0 +1,99 @@
+"""What the server needs of a transport, and what a client looks like from inside the simulator."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+from simulator_stub.service.readiness import Readiness
+
+Ends = tuple[str, tuple[str, int], tuple[str, int]]
+
+
+class Peer(ABC):
+    """One registered client, as its transport reaches it.
+
+    Attributes
+    ----------
+    deliver : callable
+        Called with each message that the client sends; whoever accepts the client sets it.
+    label : str
+        Transport and address, for people.
+    closed : bool
+        Whether nothing can reach the client any more, as far as is known.
+    ends : (str, (str, int), (str, int)) or None
+        Transport, the client's address and port, and ours, where these tell its socket from all others.
+    """
+
+    def __init__(self, label: str) -> None:
+        self.deliver: Callable[[bytes], None] = ignore
+        self.label = label
+        self.closed = False
+        self.ends: Ends | None = None
+
+    @abstractmethod
+    def send(self, data: bytes) -> None:
+        """Send a message, or lose it: no client may hold up the simulation."""
+
+    def acknowledge(self) -> None:  # noqa: B027 - most transports have nothing to do
+        """Let the client's system send on what it holds back until it knows that we have what came before."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the client; what was sent still goes out. Closing twice does no harm."""
+
+
+class Newcomer(ABC):
+    """Where a registration came from.
+
+    Attributes
+    ----------
+    label : str
+        Transport and address, for people.
+    registered : Peer or None
+        The channel, once it has one: what was sent after the registration, but before it was looked at,
+        belongs there. Only where messages of one client keep their order can this be known.
+    """
+
+    label: str
+    registered: Peer | None = None
+
+    @abstractmethod
+    def accept(self) -> Peer:
+        """Open the client's own channel; its Reply goes out on it, also a refusal."""
+
+
+Welcome = Callable[[Newcomer, bytes], None]
+"""Called with each message that comes from somebody who has not registered."""
+
+
+class Transport(ABC):
+    """A way for messages to come and go. It owns its sockets and puts them under a common watch."""
+
+    name: str
+    """On the command line and in the line that is printed."""
+
+    port: int
+    """The port that is listened on."""
+
+    @abstractmethod
+    def open(self, host: str, port: int) -> None:
+        """Listen; port 0 takes any free one.
+
+        Raises
+        ------
+        OSError
+            If that is not possible.
+        """
+
+    @abstractmethod
+    def serve(self, readiness: Readiness, welcome: Welcome) -> None:
+        """Put the open socket under watch; newcomers' messages go to `welcome`."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close everything that is still open."""
+
+
+def ignore(data: bytes) -> None:
+    """Take messages of a client that nobody listens to."""

@@ -1,0 +1,1 @@
+"""What is simulated: the world, its robots and their states, motion and noise."""

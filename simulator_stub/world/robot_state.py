@@ -1,0 +1,24 @@
+"""The states of a robot; `simulator_stub.robot_transitions` has what leads from one to another."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class RobotState(Enum):
+    """What a robot is doing; the value is the word on the wire."""
+
+    STOPPED = "Stopped"
+    RUNNING = "Running"
+    WAITING = "Waiting"
+    """Belongs to a way of scoring that cannot be chosen; never reached."""
+    RETURNING = "Returning"
+    FINISHED = "Finished"
+    REMOVED = "Removed"
+
+    # That of the name, which Enum takes, is computed in Python, several times a cycle.
+    __hash__ = object.__hash__
+
+
+MOVING = (RobotState.RUNNING, RobotState.RETURNING)
+"""The states in which motors move a robot and scores count."""

@@ -1,0 +1,45 @@
+"""Make the tests independent of how they are started and of what their user keeps.
+
+A run in the background ignores SIGINT, one under ``nohup`` SIGHUP, and processes inherit that. While the
+tests run such a signal is taken and dropped instead: for this process it is the same, and the processes that
+tests start have the handlers that they have in a terminal.
+"""
+
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from tests.recordings import GOLDEN, LABS, VARIABLES
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def pytest_configure() -> None:
+    for variable, folder in zip(VARIABLES, (GOLDEN, LABS), strict=True):
+        if folder is not None and not folder.is_dir():
+            raise pytest.UsageError(f"{variable}={folder}: no such folder; name another, or unset it")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    for mark in item.iter_markers("recordings"):
+        if mark.args[0]:
+            pytest.skip(f"set {' and '.join(mark.args[0])} to run this")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def signals_as_in_a_terminal() -> Iterator[None]:
+    ignored = [number for number in SIGNALS if signal.getsignal(number) is signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, lambda *_: None)
+    yield
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def a_cache_of_their_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Tables that a user has computed before must not change what is tested, nor tests what a user has."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CIBERRATO_CACHE", str(tmp_path_factory.mktemp("tables")))
+        yield

@@ -1,1 +1,0 @@
-"""The live view: a CiberRato viewer client on one side, a web page on the other."""
