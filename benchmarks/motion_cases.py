@@ -288,16 +288,22 @@ def cases(models: Sequence[str] = MODELS) -> list[Case]:
 
 
 def selection(models: Sequence[str] = MODELS) -> list[Case]:
-    """List of each model, motion and way one noise, so that noises meet ways and motions in turn."""
+    """List of each model, motion and way one noise, so that noises meet ways and motions in turn.
+
+    Wide grids, of the greatest noise and the longest ways, are there once for each model, twice for
+    `TurnDriveTurn`, and not for the carried models that are made of its passes and take longest.
+    """
+    slowest = ("GaussianOdometry, carried", "VelocityMotion, carried")
+    longest = {"TurnDriveTurn": ("forward", "turning"), "TurnDriveTurn, carried": ("backward",)}
     kept = []
     for case in cases(models):
         shift = WAYS.index(case.way) + 2 * MOTIONS.index(case.motion) + MODELS.index(case.model)
-        if case.noise == NOISES[-1]:  # wide grids: once for each model
-            chosen = case.motion == "forward" and case.way == 0.3
-        else:
-            chosen = case.noise == NOISES[shift % (len(NOISES) - 1)]
-        if case.way == WAYS[-1] and case.motion != "forward" and not case.model.startswith("TurnDriveTurn"):
-            chosen = chosen and case.model in LINES  # wide grids again
+        chosen = case.noise == NOISES[shift % (len(NOISES) - 1)]
+        if case.noise == NOISES[-1]:
+            chosen = case.motion == "forward" and case.way == 0.3 and case.model not in slowest
+        elif case.way == WAYS[-1] and case.model not in LINES:
+            motions = longest.get(case.model, ("forward",))
+            chosen = chosen and case.motion in motions and case.model not in slowest
         if chosen or case.model == "Shift":
             kept.append(case)
     return kept

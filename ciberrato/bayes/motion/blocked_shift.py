@@ -152,7 +152,7 @@ class BlockedShift:
             raise ValueError(f"no direction {direction!r}; there are {', '.join(_STEPS)}")
         if steps < 0:
             raise ValueError(f"a number of steps is 0 or more, not {steps}")
-        size = self.openings.shape[_STEPS[direction][0]]
+        size = self.openings.east.shape[0] if _STEPS[direction][0] == 0 else self.openings.north.shape[1]
         chance: dict[int, float] = {}
         for slip, probability in self.arrival.items():
             made = max(0, steps + slip)

@@ -17,6 +17,8 @@ from ciberrato.bayes.arraytypes import FloatArray
 
 def whole_number(value: Any, what: str) -> int:
     """Give a number as an int; ValueError unless it is whole."""
+    if type(value) is int:
+        return value
     try:
         number = int(value)
         if not isinstance(value, str) and number == value:
@@ -61,7 +63,8 @@ def check_belief(belief: ArrayLike, shape: Sequence[int] | None = None) -> Float
     values: FloatArray = np.asarray(belief, dtype=float)
     if shape is not None and values.shape != tuple(shape):
         raise ValueError(f"belief has shape {values.shape}, the space {tuple(shape)}")
-    # nan fails both comparisons.
-    if values.size and not (values.min() >= 0.0 and values.max() < math.inf):
+    # nan fails both comparisons; the ufuncs themselves, because small beliefs are checked in no time.
+    lowest = np.minimum.reduce(values, axis=None, initial=0.0)
+    if not (lowest >= 0.0 and np.maximum.reduce(values, axis=None, initial=0.0) < math.inf):
         raise ValueError("a belief must be finite and not negative")
     return values
