@@ -25,7 +25,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from simulator_stub.service.answers import TALKATIVE
+from simulator_stub.service.answers import SHORTEST_PATIENCE, TALKATIVE
 from simulator_stub.service.client_process import Activity, watch_client
 from simulator_stub.service.clients import RobotClient
 from simulator_stub.service.session import Session
@@ -214,7 +214,7 @@ class Lockstep(Pace):
         for client in awaited:
             client.answers.answered_at = None
         # Look at least once, so that registrations, views and signals are noticed in any case.
-        wait = 0.0
+        wait = 0.0 if _all_answered(awaited) else SHORTEST_PATIENCE
         while True:
             if not poll(wait):
                 return False

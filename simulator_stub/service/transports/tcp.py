@@ -23,7 +23,8 @@ CONNECTION_LIMIT = 512
 """Connections at a time; further ones are closed at once."""
 
 _QUICK_ACKNOWLEDGEMENT: int | None = getattr(socket, "TCP_QUICKACK", None)
-"""Linux's option; it holds until data are sent or received again."""
+_ONCE = 2
+"""Acknowledge what is pending, and go on delaying (an even number that is not 0, in Linux)."""
 
 
 class TcpTransport(Transport):
@@ -168,7 +169,7 @@ class TcpPeer(Peer):
         """
         if _QUICK_ACKNOWLEDGEMENT is not None and not self.closed:
             with contextlib.suppress(OSError):
-                self._socket.setsockopt(socket.IPPROTO_TCP, _QUICK_ACKNOWLEDGEMENT, 1)
+                self._socket.setsockopt(socket.IPPROTO_TCP, _QUICK_ACKNOWLEDGEMENT, _ONCE)
 
     def _flush(self) -> None:
         try:
