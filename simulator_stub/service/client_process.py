@@ -89,6 +89,8 @@ class ClientProcess:
         Whether all of them have ended.
     truthful : bool
         Whether it is known which thread answers.
+    reader : (int, int) or None
+        Process and thread number of that thread.
     """
 
     def __init__(self, kind: str, client: Address, own: Address, inode: str, holders: list[int]) -> None:
@@ -97,7 +99,7 @@ class ClientProcess:
         self._where = (kind, client, own)
         self._inode = inode
         self._threads: dict[tuple[int, int], _Thread] = {}
-        self._reader: tuple[int, int] | None = None
+        self.reader: tuple[int, int] | None = None
         self._watched: list[_Thread] = []
         self._resting_before: set[tuple[int, int]] = set()
         self._woken: Counter[tuple[int, int]] = Counter()
@@ -113,16 +115,27 @@ class ClientProcess:
                         self._threads[pid, int(name)] = _Thread(f"/proc/{pid}/task/{name}")
         self.gone = not self._threads
         if len(self._threads) == 1:
-            self._reader = next(iter(self._threads))
-        elif self._woken[self._reader or (0, 0)] < LESSONS or self._reader not in self._threads:
-            self._reader = None
+            self.reader = next(iter(self._threads))
+        elif self._woken[self.reader or (0, 0)] < LESSONS or self.reader not in self._threads:
+            self.reader = None
         self._choose()
 
     def _choose(self) -> None:
-        self.truthful = self._reader is not None
+        self.truthful = self.reader is not None
         self._watched = list(self._threads.values())
-        if self._reader is not None:
-            self._watched = [self._threads[self._reader]]
+        if self.reader is not None:
+            self._watched = [self._threads[self.reader]]
+
+    def rests(self) -> bool:
+        """Return whether the client is seen at once to wait where it has waited before."""
+        self._looks += 1
+        if self._looks % LOOKS_A_COUNT and self.reader is not None:
+            reader = self._watched[0]
+            try:
+                return os.pread(reader.wait, 64, 0) == reader.place
+            except OSError:  # it has ended
+                return False
+        return False
 
     def activity(self, *, all_threads: bool = False) -> Activity:
         """Look at what the client does.
@@ -171,7 +184,7 @@ class ClientProcess:
             if len(woken) == 1:
                 self._woken.update(woken)
                 if self._woken[woken[0]] >= LESSONS:
-                    self._reader = woken[0]
+                    self.reader = woken[0]
                     self._choose()
 
     def _count_threads(self) -> None:
@@ -186,14 +199,15 @@ class ClientProcess:
 
 
 class _Thread:
-    """The files of a thread."""
+    """A thread: the files that tell of it, and where it was last seen to wait for something."""
 
-    __slots__ = ("_dozes", "_rests", "_stat", "_untold", "_wait")
+    __slots__ = ("_dozes", "_rests", "_stat", "_untold", "place", "wait")
 
     def __init__(self, folder: str) -> None:
-        self._wait = os.open(f"{folder}/wchan", os.O_RDONLY | os.O_CLOEXEC)
+        self.wait = os.open(f"{folder}/wchan", os.O_RDONLY | os.O_CLOEXEC)
         self._stat = os.open(f"{folder}/stat", os.O_RDONLY | os.O_CLOEXEC)
         self._dozes = False
+        self.place = b""
         self._rests = 0
         self._untold = 0
 
@@ -205,12 +219,13 @@ class _Thread:
         OSError
             If the thread has ended.
         """
-        where = os.pread(self._wait, 64, 0)
+        where = os.pread(self.wait, 64, 0)
         if b"nanosleep" in where:
             self._dozes = True
             return _DOZES
         if where != b"0":
             self._rests += 1
+            self.place = where
             return _RESTS
         # It runs, or the system does not say where it waits.
         stat = os.pread(self._stat, 512, 0)
@@ -227,7 +242,7 @@ class _Thread:
         return _RESTS if known and not self._dozes else _WORKS
 
     def __del__(self) -> None:
-        for name in ("_stat", "_wait"):
+        for name in ("_stat", "wait"):
             with contextlib.suppress(AttributeError):
                 os.close(getattr(self, name))
 

@@ -5,12 +5,19 @@
 `Lockstep`: while the simulator runs, as soon as every robot that is waited for has answered its last
 Measures.
 
-- Waited for are the robots that run or return and are not silent. A robot is silent once it has let the time
-  limit pass; it is waited for again as soon as it sends anything, and when the simulator starts. So a dead
-  agent costs one time limit, not one a cycle.
-- An answer is any message. One that does not look like a whole answer (a LED, a Say, a request: see
-  `simulator_stub.service.clients.stands_alone`) may be followed by another: that one is waited for, but only
-  for `SETTLE` seconds.
+- Waited for are the robots that run or return and are not silent. A robot that leaves Measures unanswered
+  costs a few of its own answer times (`simulator_stub.service.answers`), unless it is seen to be at work.
+  Once it has been waited for in vain for the time limit in all it is silent: it is waited for again as soon
+  as it sends anything, and when the simulator starts. So a dead agent costs one time limit, not one a cycle.
+  With a fixed limit each Measures is waited for so long, and a robot is silent as soon as it has let it pass.
+- An answer is all that a robot sends from its Measures on until it waits for the next ones, which can be seen
+  of a client on this machine (`simulator_stub.service.client_process`). The newest command counts. Of others
+  only time tells: a message that does not look like a whole answer (a LED, a Say, a request: see
+  `simulator_stub.service.clients.stands_alone`; a brake) may be followed by another, and is given `SETTLE`
+  seconds for it; so is each answer of a robot that has sent several commands of late, one that comes too soon
+  to be an answer, and the first one after Measures without an answer, but longer than the robot takes to
+  answer: what it has not answered yet is then in, and nothing is left over.
+- What comes while a cycle is computed does not answer its Measures.
 - While the simulator does not run (before Start, in a pause, after the end) cycles are also at least
   CycleTime / speed apart, so that nobody spins. Robots are still waited for, so that the first running cycle
   finds their answers to all that came before, but not longer than `IDLE_LIMIT`, as some agents are silent
@@ -211,48 +218,81 @@ class Lockstep(Pace):
 
     def _wait_for_answers(self, poll: Poll, awaited: list[RobotClient], *, running: bool) -> bool:
         began = self._sent if running else self._clock()
+        pending = awaited
         for client in awaited:
             client.answers.answered_at = None
         # Look at least once, so that registrations, views and signals are noticed in any case.
         wait = 0.0 if _all_answered(awaited) else SHORTEST_PATIENCE
+        look_at = began + wait
         while True:
             if not poll(wait):
                 return False
             now = self._clock()
-            wait = 0.0
-            for client in awaited:
-                answers = client.answers
-                if client.answered and (answers.answered_at is None or client.arrived != answers.arrived):
-                    answers.arrived = client.arrived
-                    answers.take(now - began if running else None, now)
-                if not client.answered and not client.peer.closed:
-                    wait = max(wait, self._until_given_up(client, began, now, running=running))
+            if pending:
+                pending = self._note_answers(pending, now - began if running else None, now)
+                if pending and now >= look_at:
+                    wait = max(
+                        [self._until_given_up(client, now - began, running=running) for client in pending]
+                    )
+                    look_at = now + wait
+                    if wait < INSTANT:
+                        pending = []
+                if pending:
+                    if not running and self.session.registrations_waiting:
+                        return True
+                    wait = max(look_at - now, INSTANT)
+                    continue
+            wait = self._until_all_complete(awaited, now)
             if wait < INSTANT:
                 wait = 0.0
-                self._certain = len(awaited) == len(self.session.robots)
-                # Whether every client is known to rest: then nothing can come before it gets its Measures.
-                # Only now: clients may share a process that has still to answer for others.
-                for client in awaited:
-                    if client.answered:
-                        wait = max(wait, self._until_complete(client, now))
-            if wait < INSTANT:
-                wait = 0.0
-                before = sum(client.arrived for client in awaited)
+                before = sum([client.arrived for client in awaited])
                 for client in awaited:
                     client.peer.acknowledge()
                 if not poll(0.0):
                     return False
-                if before == sum(client.arrived for client in awaited) or now - began > self.limit:
+                if before == sum([client.arrived for client in awaited]) or now - began > self.limit:
                     break
-            elif not running and self.session.registrations_waiting and not _all_answered(awaited):
-                return True
-        self._take_stock(awaited, began, now, running=running)
+        self._take_stock(awaited, now - began, running=running)
         return True
+
+    @staticmethod
+    def _note_answers(pending: list[RobotClient], delay: float | None, now: float) -> list[RobotClient]:
+        """Note who has answered; return who has not."""
+        still = []
+        for client in pending:
+            if client.answered:
+                client.answers.take(delay, now)
+                client.answers.arrived = client.arrived
+            elif not client.peer.closed:
+                still.append(client)
+        return still
+
+    def _until_all_complete(self, awaited: list[RobotClient], now: float) -> float:
+        """Compute for how long to wait on for what else belongs to the answers that have begun.
+
+        Only asked once all have begun: clients may share a process that has still to answer for others.
+        """
+        # Whether every client is known to rest: then nothing can come before it gets its Measures.
+        self._certain = len(awaited) == len(self.session.robots)
+        longest = 0.0
+        resting = None
+        for client in awaited:
+            process = client.answers.process
+            if not client.answered:
+                self._certain = False
+            elif process is not None and (process.reader == resting is not None or process.rests()):
+                resting = process.reader
+            else:
+                longest = max(longest, self._until_complete(client, now))
+        return longest
 
     def _until_complete(self, client: RobotClient, now: float) -> float:
         """Compute for how long to wait on for what else belongs to an answer."""
         answers = client.answers
         process = answers.process
+        if answers.answered_at is None or client.arrived != answers.arrived:
+            answers.arrived = client.arrived
+            answers.take(None, now)
         assert answers.answered_at is not None
         left = answers.answered_at + self._real_period - now
         if process is None:
@@ -281,10 +321,9 @@ class Lockstep(Pace):
             answers.process = None
         return 0.0
 
-    def _until_given_up(self, client: RobotClient, began: float, now: float, *, running: bool) -> float:
+    def _until_given_up(self, client: RobotClient, passed: float, *, running: bool) -> float:
         """Compute for how long to wait on for the first message of an answer."""
         answers = client.answers
-        passed = now - began
         if not running:
             return max(0.0, min(self.limit, IDLE_LIMIT) - passed)
         left = self.limit - passed
@@ -303,16 +342,18 @@ class Lockstep(Pace):
             return max(0.0, min(left, patience))
         return max(0.0, min(left, self._real_period - passed, patience))
 
-    def _take_stock(self, awaited: list[RobotClient], began: float, now: float, *, running: bool) -> None:
+    def _take_stock(self, awaited: list[RobotClient], waited: float, *, running: bool) -> None:
         for client in awaited:
             answers = client.answers
             commands, client.commands = client.commands, 0
             if client.answered:
                 answers.in_doubt = False
-                if running and answers.finish(commands) and answers.several == commands - 1:
+                if not running or (commands <= 1 and not answers.talkative):
+                    continue
+                if answers.finish(commands) and answers.several == commands - 1:
                     self._tell(client, "was not the only one in answer to its Measures: the last one counts")
             elif not client.peer.closed:
-                self._give_up(client, now - began, running=running)
+                self._give_up(client, waited, running=running)
 
     def _give_up(self, client: RobotClient, waited: float, *, running: bool) -> None:
         answers = client.answers
