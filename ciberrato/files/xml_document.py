@@ -24,7 +24,7 @@ _SKIPPED = r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|<!DOCTYPE[^\[>]*(?:\[.*?\]
 _TAG = re.compile(rf"{_SKIPPED}|<([^\s/>!?]+)((?:{_ATTRIBUTE})*)\s*/?>", re.DOTALL)
 _ONE_ATTRIBUTE = re.compile(_ATTRIBUTE)
 _DECLARED_ENCODING = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([A-Za-z0-9._:-]*)["']""")
-_MISMATCH = re.compile(r"Opening and ending tag mismatch: (\S+) line (\d+) and (\S+)")
+MISMATCH = re.compile(r"Opening and ending tag mismatch: (\S+) line (\d+) and (\S+)")
 _LEFT_OPEN = re.compile(r"Premature end of data in tag (\S+) line (\d+)")
 
 
@@ -129,7 +129,7 @@ def _problem(code: int | None, message: str, what: str) -> str:
     """What is wrong, in plain words where the parser's own are not."""
     from lxml.etree import ErrorTypes
 
-    if mismatch := _MISMATCH.search(message):
+    if mismatch := MISMATCH.search(message):
         opened, line, closed = mismatch.groups()
         why = f"mismatched tag: </{closed}> where </{opened}> is due, as {opened} of line {line} is left open"
     elif left_open := _LEFT_OPEN.search(message):
