@@ -16,6 +16,7 @@ from agent.optionparser import (
     OptionParser,
     add_output,
     add_precision,
+    add_strict,
     check_output,
     read_lab_file,
 )
@@ -135,7 +136,7 @@ def _settings(options: argparse.Namespace) -> Settings:
     from ciberrato.net.address import parse_address
 
     host, port = parse_address(options.host)
-    lab, path, data = read_lab_file(options.map)
+    lab, path, data = read_lab_file(options.map, strict=options.strict)
     check_output(options.output)
     check_output(options.log)
     if options.log.resolve() == options.output.resolve():
@@ -191,6 +192,7 @@ def _run_parser() -> argparse.ArgumentParser:
         "-r", "--robname", type=optiontypes.name, default="ciberrato", metavar="NAME", help="the robot's name"
     )
     add("-m", "--map", default=DEFAULT_MAP, metavar="LAB", help=f"lab file or name; default: {DEFAULT_MAP}")
+    add_strict(parser)
     add("--transport", choices=("udp", "tcp"), default="udp", help="default: udp")
     add("--log", type=Path, default=DEFAULT_LOG, metavar="FILE", help=f"default: {DEFAULT_LOG}")
     add_output(parser)

@@ -23,8 +23,8 @@ _FINE_NODES = 10_000
 class FreeSpace:
     """A lattice over a lab, cut into parts between which no robot can drive.
 
-    It errs on the side of the robot: nodes count as free where a free place may be near, so that what is in two
-    parts is certainly apart.
+    It errs on the side of the robot: nodes count as free where a free place may be near, so that what is in
+    two parts is certainly apart.
 
     Attributes
     ----------
@@ -54,7 +54,9 @@ class FreeSpace:
         rows, columns = self.part.shape
         low_x, high_x = (int((x + side * radius) / self.step) for side in (-1, 1))
         low_y, high_y = (int((y + side * radius) / self.step) for side in (-1, 1))
-        row, column = np.mgrid[max(low_y, 0) : min(high_y + 1, rows), max(low_x, 0) : min(high_x + 1, columns)]
+        row, column = np.mgrid[
+            max(low_y, 0) : min(high_y + 1, rows), max(low_x, 0) : min(high_x + 1, columns)
+        ]
         off = np.hypot((column + 0.5) * self.step - x, (row + 0.5) * self.step - y)
         return set(self.part[row, column][off <= radius].tolist()) - {-1}
 

@@ -1,4 +1,4 @@
-"""Places that no robot can tell apart by its IR sensors: labs that look the same turned round, and twin rooms."""
+"""Labs that look the same turned round, and twin rooms: places that IR sensors cannot tell apart."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _EQUAL = 0.02
 
 
 def turns_alike(lab: Lab, space: FreeSpace) -> list[tuple[Turn, float]]:
-    """Turns under which much of a lab looks the same.
+    """Find the turns under which much of a lab looks the same.
 
     Parameters
     ----------
@@ -37,7 +37,9 @@ def turns_alike(lab: Lab, space: FreeSpace) -> list[tuple[Turn, float]]:
     list of (Turn, share)
         The share of the free places that look the same, `MUCH` to 1; the greatest first.
     """
-    places = np.concatenate([space.places(part) for part in range(int(space.part.max()) + 1)] or [np.empty((0, 2))])
+    places = np.concatenate(
+        [space.places(part) for part in range(int(space.part.max()) + 1)] or [np.empty((0, 2))]
+    )
     some = places[:: max(len(places) // _PLACES, 1)]
     if not len(some):
         return []
@@ -79,7 +81,11 @@ def likeness_findings(lab: Lab, space: FreeSpace, source: str, line: int) -> lis
     twins = list(itertools.islice(twin_parts(space), _TWINS_SHOWN + 1))
     for one, other in twins[:_TWINS_SHOWN]:
         (x, y), (to_x, to_y) = (tuple(space.places(part).mean(axis=0).round(1)) for part in (one, other))
-        more = ", and more of them" if len(twins) > _TWINS_SHOWN and (one, other) == twins[_TWINS_SHOWN - 1] else ""
+        more = (
+            ", and more of them"
+            if len(twins) > _TWINS_SHOWN and (one, other) == twins[_TWINS_SHOWN - 1]
+            else ""
+        )
         found.append(
             Finding(
                 severity="note",

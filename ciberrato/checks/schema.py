@@ -37,7 +37,7 @@ def schema_file(kind: str) -> Path:
 
 
 def schema_findings(data: bytes, source: str, kind: str, known: Sequence[Finding]) -> list[Finding]:
-    """What the schema does not allow, and no other finding tells.
+    """Find what the schema does not allow, and no other finding tells.
 
     Parameters
     ----------
@@ -75,7 +75,11 @@ def schema_findings(data: bytes, source: str, kind: str, known: Sequence[Finding
             found[first] = message
     return [
         Finding(
-            severity="warning", kind="schema", source=source, line=line, found=f"not as the schema says: {message}"
+            severity="warning",
+            kind="schema",
+            source=source,
+            line=line,
+            found=f"not as the schema says: {message}",
         )
         for line, message in found.items()
     ]

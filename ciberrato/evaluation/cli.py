@@ -74,6 +74,7 @@ def _run(options: argparse.Namespace) -> int:
         from ciberrato.localization.belief import compiled
 
         tasks = _tasks(options)
+        _tell(options, tasks)
         loops = "numba" if compiled.choice() != "off" and compiled.available() else "numpy"
         if not options.quiet and options.scheduler is None:
             print(f"{PROGRAM}: the filter's loops are those of {loops}", file=sys.stderr)
@@ -192,6 +193,27 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
     return tasks
 
 
+def _tell(options: argparse.Namespace, tasks: list[Task]) -> None:
+    """Say once what is odd in the files of the tasks."""
+    from ciberrato.checks.telling import tell
+    from ciberrato.checks.things import thing_findings
+    from ciberrato.files.lab import parse_lab_file
+    from ciberrato.files.parameters import parse_parameter_file
+    from ciberrato.files.start_grid import parse_grid_file
+    from ciberrato.files.xml import read_file
+    from ciberrato.labs import find_grid, find_lab, find_parameters
+
+    findings = []
+    for lab in dict.fromkeys(str(find_lab(task.lab)) for task in tasks):
+        file = parse_lab_file(read_file(lab), lab)
+        findings += [*file.findings, *thing_findings(file)]
+    for grid in dict.fromkeys(str(find_grid(task.grid)) for task in tasks if task.grid is not None):
+        findings += parse_grid_file(read_file(grid), grid).findings
+    for parameters in dict.fromkeys(str(find_parameters(task.parameters)) for task in tasks):
+        findings += parse_parameter_file(read_file(parameters), parameters).findings
+    tell(findings, lambda line: print(f"{PROGRAM}: {line}", file=sys.stderr), strict=options.strict)
+
+
 def _find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
     from ciberrato.evaluation.labs import MAPS, judged_labs
     from ciberrato.labs import find_lab
@@ -278,5 +300,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--figures", type=Path, metavar="DIR", help="draw figures there")
     add("--jobs", type=int, default=0, metavar="N", help="processes; default: one a core")
     add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the tasks instead")
+    add("--strict", action="store_true", help="refuse labs, grids and parameters with warnings")
     add("--quiet", action="store_true", help="no progress bar")
     return parser

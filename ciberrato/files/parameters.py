@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -195,13 +195,22 @@ def _values(element: Element, reader: Reader) -> dict[str, Any]:
                 reader.warn(
                     element,
                     "unknown attribute",
-                    f'there is no parameter {attribute}: "{element.attributes[attribute][:40]}"',
-                    "is passed over",
+                    f'Parameters {attribute}="{element.attributes[attribute][:40]}" means nothing',
+                    "is passed over" + (f", so that {meant} stays {_told(meant, kinds)}" if meant else ""),
                     attribute=attribute,
                     advice=f"did you mean {meant}?" if meant else "",
                     instead=meant,
                 )
     return values
+
+
+def _told(attribute: str, kinds: Sequence[tuple[dict[str, str], Any]]) -> str:
+    """Return the default of a parameter, as it is written in files."""
+    (field,) = [names[attribute] for names, _ in kinds if attribute in names]
+    value = getattr(Parameters(), field)
+    if isinstance(value, bool):
+        return "On" if value else "Off"
+    return "unsaid" if value is None else f"{value:g}"
 
 
 def _warn_without_effect(element: Element, attribute: str, reader: Reader) -> None:

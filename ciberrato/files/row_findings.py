@@ -61,8 +61,8 @@ def check_row(
         reader.warn(
             element,
             "pattern too long",
-            f"the pattern of row {position} has {len(columns)} characters, for a lab of {cells} cells that takes "
-            f"{3 * cells - 1}",
+            f"the pattern of row {position} has {len(columns)} characters, "
+            f"for a lab of {cells} cells that takes {3 * cells - 1}",
             f"draws {len(outside)} wall{'s' * (len(outside) > 1)} beyond the right border",
             attribute="Pattern",
             place=_middle(outside[0]),

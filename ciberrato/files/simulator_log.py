@@ -311,7 +311,7 @@ class _LogParser:
         return self._ended
 
     def _fault(self) -> LabError:
-        """The error that the parser has met."""
+        """Make the error that the parser has met."""
         fault = self._parser.feed_error_log[0]
         problem, line = fault.message or "error", fault.line
         if mismatch := MISMATCH.search(problem):

@@ -69,7 +69,9 @@ def check_attributes(element: Element, names: Names, reader: Reader) -> None:
                 element, "missing attribute", f"{element.name} has no {attribute}", f"gets {known[attribute]}"
             )
     if element.text:
-        reader.note(element, "text", f'there is text "{_short(element.text)}" in {element.name}', "is passed over")
+        reader.note(
+            element, "text", f'there is text "{_short(element.text)}" in {element.name}', "is passed over"
+        )
 
 
 def check_unknown_element(element: Element, names: Names, reader: Reader, what: str) -> None:
@@ -100,7 +102,9 @@ def check_place(element: Element, root: Element, reader: Reader) -> None:
     """Note an element that counts although it is inside another one than the root."""
     if element.parent is not None and element.parent is not root:
         inside = element.parent.name
-        reader.note(element, "nesting", f"{element.name} stands inside {inside}", "counts as if it were outside")
+        reader.note(
+            element, "nesting", f"{element.name} stands inside {inside}", "counts as if it were outside"
+        )
 
 
 def _short(text: str) -> str:

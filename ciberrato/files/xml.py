@@ -23,7 +23,9 @@ MAX_FILE_SIZE = 16 * 2**20
 _REAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[+-]?(?:inf|nan)", re.IGNORECASE)
 _INTEGER = re.compile(r"[+-]?[0-9]+")
-_SWITCH_WORDS = dict.fromkeys(("on", "yes", "true", "1"), "On") | dict.fromkeys(("off", "no", "false", "0"), "Off")
+_SWITCH_WORDS = dict.fromkeys(("on", "yes", "true", "1"), "On") | dict.fromkeys(
+    ("off", "no", "false", "0"), "Off"
+)
 
 
 @dataclass(slots=True)

@@ -24,6 +24,7 @@ _SKIPPED = r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|<!DOCTYPE[^\[>]*(?:\[.*?\]
 _TAG = re.compile(rf"{_SKIPPED}|<([^\s/>!?]+)((?:{_ATTRIBUTE})*)\s*/?>", re.DOTALL)
 _ONE_ATTRIBUTE = re.compile(_ATTRIBUTE)
 _DECLARED_ENCODING = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([A-Za-z0-9._:-]*)["']""")
+_NOT_UTF8 = "bytes that are not UTF-8; save it as UTF-8, or declare its encoding"
 MISMATCH = re.compile(r"Opening and ending tag mismatch: (\S+) line (\d+) and (\S+)")
 _LEFT_OPEN = re.compile(r"Premature end of data in tag (\S+) line (\d+)")
 
@@ -126,7 +127,7 @@ def _entities(data: bytes, source: str, what: str) -> LabError:
 
 
 def _problem(code: int | None, message: str, what: str) -> str:
-    """What is wrong, in plain words where the parser's own are not."""
+    """Say what is wrong, in plain words where the parser's own are not."""
     from lxml.etree import ErrorTypes
 
     if mismatch := MISMATCH.search(message):
@@ -144,7 +145,7 @@ def _problem(code: int | None, message: str, what: str) -> str:
             ErrorTypes.ERR_DOCUMENT_END: "something follows the end of the document",
             ErrorTypes.ERR_ATTRIBUTE_REDEFINED: f"duplicate attribute: {message}",
             ErrorTypes.ERR_ATTRIBUTE_NOT_STARTED: "a value without quotes around it",
-            ErrorTypes.ERR_INVALID_ENCODING: "bytes that are not UTF-8; save it as UTF-8, or declare its encoding",
+            ErrorTypes.ERR_INVALID_ENCODING: _NOT_UTF8,
         }
         why = known.get(code or -1, " ".join(message.split()))
     return f"is not well-formed XML ({why}); correct it, or give {what} file"
@@ -188,7 +189,11 @@ def _name(node: etree._Element, name: str) -> str:
     space, local = name[1:].split("}")
     if name.startswith(_XML):
         return f"xml:{local}"
-    prefix = node.prefix if name == node.tag else next((p for p, s in node.nsmap.items() if p and s == space), None)
+    prefix = (
+        node.prefix
+        if name == node.tag
+        else next((p for p, s in node.nsmap.items() if p and s == space), None)
+    )
     return f"{prefix}:{local}" if prefix else local
 
 

@@ -95,7 +95,10 @@ def test_what_is_passed_over_is_reported_with_its_line(inside, line, what):
             "my.xml:4: is not well-formed XML (mismatched tag: </Wall> where </Corner> is due, "
             "as Corner of line 3 is left open)",
         ),
-        (b"<Lab>\n<Wall>\n</Lab>", "my.xml:3: is not well-formed XML (mismatched tag: </Lab> where </Wall> is due, "),
+        (
+            b"<Lab>\n<Wall>\n</Lab>",
+            "my.xml:3: is not well-formed XML (mismatched tag: </Lab> where </Wall> is due, ",
+        ),
         (b"<Lab>" + b"<a>" * 50_000 + b"</a>" * 50_000 + b"</Lab>", "my.xml:1: is nested too deeply"),
         (b'<!DOCTYPE Lab [<!ENTITY % p SYSTEM "p.dtd"> %p;]><Lab/>', "my.xml:1: declares XML entities"),
         (b"<Lab Width=4/>", "my.xml:1: is not well-formed XML (a value without quotes around it)"),

@@ -60,7 +60,7 @@ def test_what_a_package_shows_is_in_its_list(name):
     assert shown <= set(getattr(package, "__all__", ()))
 
 
-@pytest.mark.parametrize("program", ["agent", "simulator", "viewer", "evaluate"])
+@pytest.mark.parametrize("program", ["agent", "simulator", "viewer", "evaluate", "lab"])
 def test_every_program_says_its_version(program):
     words = [str(BIN / f"ciberrato-{program}"), "--version"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)

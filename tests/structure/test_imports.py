@@ -35,10 +35,12 @@ LIBRARY = {
     "overlay": {"errors"},
     "net": {"errors", "overlay", "protocol"},
     "localization": SHAPES | {"infrared", "processes", "protocol"},
+    "checks": SHAPES | {"files", "infrared", "labs", "localization"},
 }
 # Applications stand on all of the library, and on one another only as said here.
 APPLICATIONS = {
     "viewer": set(),
+    "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
 }
 # The rooms of the two processes, likewise; both stand on all of the library.

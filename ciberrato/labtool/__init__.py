@@ -1,0 +1,1 @@
+"""The program ciberrato-lab: make, draw and check labs."""
