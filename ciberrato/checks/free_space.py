@@ -55,7 +55,8 @@ class FreeSpace:
         low_x, high_x = (int((x + side * radius) / self.step) for side in (-1, 1))
         low_y, high_y = (int((y + side * radius) / self.step) for side in (-1, 1))
         row, column = np.mgrid[
-            max(low_y, 0) : min(high_y + 1, rows), max(low_x, 0) : min(high_x + 1, columns)
+            max(low_y, 0) : max(min(high_y + 1, rows), max(low_y, 0)),
+            max(low_x, 0) : max(min(high_x + 1, columns), max(low_x, 0)),
         ]
         off = np.hypot((column + 0.5) * self.step - x, (row + 0.5) * self.step - y)
         return set(self.part[row, column][off <= radius].tolist()) - {-1}

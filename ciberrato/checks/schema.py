@@ -65,13 +65,13 @@ def schema_findings(data: bytes, source: str, kind: str, known: Sequence[Finding
     lines = {int(entry.line): entry.message or "" for entry in schema.error_log}
     told = {finding.line for finding in known}
     begins = {
-        node.sourceline: element.line
+        xml_document.end_line(node): element.line
         for node, element in zip(root.iter("*"), xml_document.elements_of(root, data), strict=True)
     }
     found = {}
     for line, message in lines.items():
         first = begins.get(line, line)
-        if told.isdisjoint(range(first, line + 1)) and (not told or line != root.sourceline):
+        if told.isdisjoint(range(first, line + 1)) and (not told or line != xml_document.end_line(root)):
             found[first] = message
     return [
         Finding(

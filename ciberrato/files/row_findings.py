@@ -128,7 +128,7 @@ def _check_columns(element: Element, columns: str, position: int, reader: Reader
             advice="across a cell it is in columns 0, 3, 6, ...",
             place=(x + 1.0, position + 1.0),
         )
-    if position % 2 and (upright := [c for c, mark in enumerate(columns) if mark in "|/\\"]):
+    if position > 0 and position % 2 and (upright := [c for c, mark in enumerate(columns) if mark in "|/\\"]):
         reader.warn(
             element,
             "upright in an odd row",

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from ciberrato.errors import LabError, ProtocolError, UsageError
-from ciberrato.files.xml_document import MISMATCH
+from ciberrato.files.xml_document import MISMATCH, end_line
 from ciberrato.protocol import Actions, Measures, decode_parameters
 from ciberrato.protocol.lab_text import grid_from_element, lab_from_element
 from ciberrato.protocol.measures_text import measures_from_element
@@ -270,7 +270,8 @@ class _LogParser:
         self._take()
 
     def _take(self) -> None:
-        for event, node in self._parser.read_events():
+        events: Iterator[tuple[str, etree._Element]] = self._parser.read_events()  # type: ignore[assignment]
+        for event, node in events:
             if event == "start":
                 if self._root is None:
                     self._begin(node)
@@ -324,7 +325,7 @@ class _LogParser:
         return self._error(f"is not a simulator's log ({' '.join(problem.split())})", line)
 
     def _error(self, problem: str, place: etree._Element | int | None = None) -> LabError:
-        line = place if place is None or isinstance(place, int) else place.sourceline
+        line = place if place is None or isinstance(place, int) else end_line(place)
         return LabError(problem, source=self._source, line=line)
 
     def header(self) -> LogHeader:

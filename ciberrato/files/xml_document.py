@@ -163,7 +163,7 @@ def elements_of(root: etree._Element, data: bytes) -> list[Element]:
     nodes = list(root.iter("*"))
     lines = _tag_lines(data, root.getroottree().docinfo.encoding or "UTF-8")
     if len(lines) != len(nodes):  # an encoding that Python does not know
-        lines = [(node.sourceline or 1, {}) for node in nodes]
+        lines = [(end_line(node), {}) for node in nodes]
     made: dict[object, Element] = {}
     elements = []
     for node, (line, attribute_lines) in zip(nodes, lines, strict=True):
@@ -180,6 +180,11 @@ def elements_of(root: etree._Element, data: bytes) -> list[Element]:
         made[node] = element
         elements.append(element)
     return elements
+
+
+def end_line(node: etree._Element) -> int:
+    """Line where a start tag ends."""
+    return int(getattr(node, "sourceline", None) or 1)
 
 
 def _name(node: etree._Element, name: str) -> str:

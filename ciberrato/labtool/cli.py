@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
@@ -173,9 +174,16 @@ def _share(text: str) -> float:
     return value
 
 
+class _CommandParser(ProgramParser):
+    """A parser of one subcommand, as argparse makes it."""
+
+    def __init__(self, *, prog: str, **options: Any) -> None:
+        super().__init__(prog, options.pop("description", None) or "", **options)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = ProgramParser(PROGRAM, "Make, draw and check labs, start grids and parameter files.")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_subparser)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_CommandParser)
 
     check = commands.add_parser("check", help="say what the simulator would silently take for something else")
     check.add_argument(
@@ -230,7 +238,3 @@ def _parser() -> argparse.ArgumentParser:
     schema.add_argument("--path", action="store_true", help="print where it is instead")
     schema.set_defaults(run=_schema)
     return parser
-
-
-def _subparser(prog: str, **options: str) -> ProgramParser:
-    return ProgramParser(prog, options.pop("description", ""), **options)
