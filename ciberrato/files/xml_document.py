@@ -90,7 +90,7 @@ def parse_tree(data: bytes, source: str, what: str) -> etree._Element:
             raise _entities(data, source, what)
         raise LabError(_problem(code, message, what), source=source, line=line or 1)
     declared = root.getroottree().docinfo.internalDTD
-    if declared is not None and list(declared.iterentities()):
+    if declared is not None and list(declared.iterentities()):  # type: ignore[attr-defined]
         raise _entities(data, source, what)
     return root
 
@@ -107,7 +107,7 @@ def _parsed(data: bytes, **options: Any) -> tuple[etree._Element | None, list[tu
     except etree.XMLSyntaxError as error:
         entries = list(parser.error_log)  # the error's own log is that of all parsers so far
         faults = [(entry.type, entry.line, entry.message or "") for entry in entries]
-        faults = faults or [(error.code, error.lineno or 1, error.msg or "")]
+        faults = faults or [(0, error.lineno or 1, error.msg or "")]
     except (LookupError, ValueError) as error:
         return None, [(etree.ErrorTypes.ERR_UNKNOWN_ENCODING, 1, str(error))]
     if not options:
