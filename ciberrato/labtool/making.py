@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ciberrato.checks.free_space import FreeSpace, free_space
-from ciberrato.checks.likeness import turns_alike
+from ciberrato.checks.free_space import free_space
+from ciberrato.checks.likeness import ALL, turns_alike
 from ciberrato.errors import UsageError
 from ciberrato.files.lab import MAX_SIDE
 from ciberrato.files.row_pattern import row_walls
+from ciberrato.geometry.walls import WallMap
 from ciberrato.labtool.maze import random_doors, row_patterns, symmetric_doors
 from ciberrato.protocol.text import attribute
 from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
@@ -19,6 +20,8 @@ from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
 TRIES = 60
 _GAP = 1.4
 """Units between polygons, and between them and the border: a robot of diameter 1 passes."""
+_CLEAR = 0.55
+"""Units from starts and targets to the next wall, at least."""
 _BEACON_HEIGHT = 4.0
 _TARGET_RADIUS = 1.0
 
@@ -105,13 +108,13 @@ def random_lab(order: Order, seed: int) -> Made:
             walls=tuple(walls),
         )
         space = free_space(lab)
-        if space is None:
-            raise UsageError("the lab is too large to be looked at; ask for fewer cells")
-        if not order.symmetric and turns_alike(lab, space):
-            continue
-        if order.symmetric and not any(share > 0.9 for _, share in turns_alike(lab, space)):
-            continue
-        places = _places(order, lab, space, generator)
+        if space is not None:
+            alike = [share for _, share in turns_alike(lab, space)]
+            if bool(alike) is not order.symmetric or (order.symmetric and alike[0] < ALL):
+                continue
+            if space.part.max() > 0:
+                continue
+        places = _places(order, lab, generator)
         if places is not None:
             return _made(order, lab, patterns, *places, generator)
     raise UsageError(
@@ -157,24 +160,23 @@ def check_order(order: Order) -> None:
 
 
 def _places(
-    order: Order, lab: Lab, space: FreeSpace, generator: np.random.Generator
+    order: Order, lab: Lab, generator: np.random.Generator
 ) -> tuple[list[tuple[float, float]], list[tuple[float, float]]] | None:
     """Choose starts and targets: centres of cells, free and far enough from each other."""
-    centres = [
+    free = [
         ((column + 0.5) * CELL_SIZE, (row + 0.5) * CELL_SIZE)
         for row in range(order.rows)
         for column in range(order.columns)
     ]
-    free = [
-        place
-        for place in centres
-        if space.walls.distance(*place) >= 0.55 and space.parts_near(*place, space.step)
-    ]
     if order.polygons is not None:
-        solid = [wall.corners for wall in lab.walls]
-        free = [place for place in free if not any(_within(place, corners) for corners in solid)]
+        clear = WallMap.from_lab(lab).distance(*np.array(free).T) >= _CLEAR
+        free = [
+            place
+            for place, far in zip(free, clear, strict=True)
+            if far and not any(_within(place, wall.corners) for wall in lab.walls)
+        ]
     wanted = order.starts + order.targets
-    if len(free) < wanted or space.part.max() > 0:
+    if len(free) < wanted:
         return None
     chosen = [free[index] for index in generator.permutation(len(free))[:wanted]]
     return chosen[: order.starts], chosen[order.starts :]

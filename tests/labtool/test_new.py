@@ -125,6 +125,12 @@ def test_what_cannot_be_made_is_said() -> None:
             random_lab(order, 1)
 
 
+def test_labs_too_large_to_be_looked_at_are_made_all_the_same() -> None:
+    made = random_lab(Order(rows=70, columns=70), 1)
+    assert (made.lab.width, free_space(made.lab)) == (140.0, None)
+    assert parse_lab_with_warnings(made.lab_xml.encode()) == (made.lab, ())
+
+
 def test_an_empty_lab_is_ready_to_be_drawn_in() -> None:
     made = empty_lab(Order(rows=2, columns=3))
     lab, warnings = parse_lab_with_warnings(made.lab_xml.encode())
