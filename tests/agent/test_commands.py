@@ -104,7 +104,8 @@ def test_labs_with_mistakes_are_told_and_refused_if_asked(
     assert main([*command, "-m", "odd.xml", "--strict"]) == 2
     told = [line.removeprefix("ciberrato-agent: ") for line in capsys.readouterr().err.splitlines()]
     assert told == [
-        'odd.xml:2: Lab Heigth="4" means nothing and is passed over, so that Height is 16; did you mean Height?',
+        'odd.xml:2: Lab Heigth="4" means nothing and is passed over, so that Height is 16; '
+        "did you mean Height?",
         "odd.xml:2: beacon 0 at (9, 1) is outside the lab and no robot sees it",
         "--strict: 2 warnings about the files; correct them, or leave it out",
     ]
