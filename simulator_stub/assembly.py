@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import re
 import secrets
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+from ciberrato.checks.telling import tell
+from ciberrato.checks.things import start_findings, thing_findings
 from ciberrato.errors import UsageError
-from ciberrato.files.lab import default_lab, read_lab_with_warnings
-from ciberrato.files.parameters import read_parameters
-from ciberrato.files.start_grid import default_grid, read_grid
+from ciberrato.files.findings import Finding
+from ciberrato.files.lab import default_lab, parse_lab_file
+from ciberrato.files.parameters import parse_parameter_file
+from ciberrato.files.start_grid import GridFile, default_grid, parse_grid_file
+from ciberrato.files.xml import read_file
 from ciberrato.labs import find_grid, find_lab, find_parameters
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
@@ -35,6 +40,8 @@ from simulator_stub.simulation import Simulation
 
 _REAL = r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*"
 _INLINE_GRID = re.compile(rf"{_REAL},{_REAL},{_REAL}(?:;{_REAL},{_REAL},{_REAL})*;?")
+_LIKE_POSES = re.compile(r"[^/\\]*[,;][^/\\]*|[\s\d.+-]*")
+"""What is no file was probably meant as poses: with a comma or a semicolon, or of digits alone."""
 
 Print = Callable[[str], None]
 
@@ -98,14 +105,25 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
 
 
 def read_world(options: argparse.Namespace, notify: Print) -> tuple[Lab, StartGrid, Parameters]:
-    """Read lab, grid and parameters; the command line wins over what the parameter file names."""
-    parameters = Parameters() if options.param is None else read_parameters(find_parameters(options.param))
+    """Read lab, grid and parameters; the command line wins over what the parameter file names.
+
+    Raises
+    ------
+    CiberratoError
+        If a file cannot be used, or with ``--strict`` if there is a warning about one.
+    """
+    found: list[Finding] = []
+    parameters = Parameters()
+    if options.param is not None:
+        path = find_parameters(options.param)
+        file = parse_parameter_file(read_file(path), str(path))
+        parameters, found = file.parameters, [*file.findings]
     inline = options.grid is not None and _INLINE_GRID.fullmatch(options.grid)
     parameters = replace(
         parameters,
-        lab_file=options.lab or parameters.lab_file,
+        lab_file=parameters.lab_file if options.lab is None else options.lab,
         # Poses given in place are not announced: the robots are not to know them.
-        grid_file=None if inline else options.grid or parameters.grid_file,
+        grid_file=None if inline else parameters.grid_file if options.grid is None else options.grid,
         gps=parameters.gps or options.gps,
         beacon_sensor=parameters.beacon_sensor or options.beacon,
         compass_sensor=parameters.compass_sensor or options.compass,
@@ -113,16 +131,31 @@ def read_world(options: argparse.Namespace, notify: Print) -> tuple[Lab, StartGr
     if parameters.lab_file is None:
         lab = default_lab()
     else:
-        lab, warnings = read_lab_with_warnings(find_lab(parameters.lab_file))
-        for warning in warnings:
-            notify(warning)
+        path = find_lab(parameters.lab_file)
+        lab_file = parse_lab_file(read_file(path), str(path))
+        lab = lab_file.lab
+        found += [*lab_file.findings, *thing_findings(lab_file)]
     if inline:
-        grid = _parse_inline(options.grid)
+        grid = GridFile(grid=_parse_inline(options.grid), source="--grid")
     elif parameters.grid_file is None:
-        grid = default_grid()
+        grid = GridFile(grid=default_grid(), source="built-in start grid")
     else:
-        grid = read_grid(find_grid(parameters.grid_file))
-    return lab, grid, parameters
+        if options.grid is not None:
+            _explain_poses(options.grid)
+        path = find_grid(parameters.grid_file)
+        grid = parse_grid_file(read_file(path), str(path))
+    found += [*grid.findings, *start_findings(grid.grid, lab, grid.source, grid.lines)]
+    tell(found, notify, strict=options.strict)
+    return lab, grid.grid, parameters
+
+
+def _explain_poses(text: str) -> None:
+    """Refuse what was meant as poses, and is none."""
+    if _LIKE_POSES.fullmatch(text) and not os.path.exists(text):
+        raise UsageError(
+            f"argument --grid: {text!r} is no file, and not X,Y,DIR[;X,Y,DIR...] (units and degrees, "
+            "a semicolon between robots); write for example 1,1,0"
+        )
 
 
 def _parse_inline(text: str) -> StartGrid:

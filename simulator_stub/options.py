@@ -52,6 +52,11 @@ def _parser() -> argparse.ArgumentParser:
     world.add_argument(
         "--showactions", action="store_true", help="accepted for the real simulator's sake; always announced"
     )
+    world.add_argument(
+        "--strict",
+        action="store_true",
+        help="refuse files with warnings: what means something else than it seems",
+    )
     world.add_argument("--seed", type=_seed, metavar="N", help="of all random numbers; default: a fresh one")
     world.add_argument(
         "--kidnap",

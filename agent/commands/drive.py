@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from agent.commands import SUBCOMMANDS, option_types
 from agent.commands.files import check_output, read_lab_file
-from agent.commands.parser import DISTANCES, PRESETS, OptionParser, add_output, add_precision
+from agent.commands.parser import DISTANCES, PRESETS, OptionParser, add_output, add_precision, add_strict
 from agent.drives.registry import DRIVES, RIGHT, forms
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
@@ -80,7 +80,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
     from ciberrato.net.address import parse_address
 
     host, port = parse_address(options.host)
-    lab, path, data = read_lab_file(options.map)
+    lab, path, data = read_lab_file(options.map, strict=options.strict)
     check_output(options.output)
     check_output(options.log)
     if options.log.resolve() == options.output.resolve():
@@ -136,6 +136,7 @@ def make_parser() -> OptionParser:
         help="the robot's name",
     )
     add("-m", "--map", default=DEFAULT_MAP, metavar="LAB", help=f"lab file or name; default: {DEFAULT_MAP}")
+    add_strict(parser)
     add("--transport", choices=("udp", "tcp"), default="udp", help="default: udp")
     add("--log", type=Path, default=DEFAULT_LOG, metavar="FILE", help=f"default: {DEFAULT_LOG}")
     add_output(parser)

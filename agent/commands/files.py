@@ -13,13 +13,15 @@ if TYPE_CHECKING:
     from ciberrato.world.lab import Lab
 
 
-def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
+def read_lab_file(name_or_path: str, *, strict: bool = False) -> tuple[Lab, Path, bytes]:
     """Read the lab that a command line names.
 
     Parameters
     ----------
     name_or_path : str
         A file, or the name of a lab that ships.
+    strict : bool
+        Refuse a lab with warnings.
 
     Returns
     -------
@@ -32,11 +34,13 @@ def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
     Raises
     ------
     UsageError
-        If there is no such lab, or it cannot be read.
+        If there is no such lab, it cannot be read, or there are warnings and `strict`.
     LabError
         If its contents are wrong.
     """
-    from ciberrato.files.lab import parse_lab_with_warnings
+    from ciberrato.checks.telling import tell
+    from ciberrato.checks.things import thing_findings
+    from ciberrato.files.lab import parse_lab_file
     from ciberrato.labs import find_lab
 
     path = find_lab(name_or_path)
@@ -44,10 +48,9 @@ def read_lab_file(name_or_path: str) -> tuple[Lab, Path, bytes]:
         data = path.read_bytes()
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
-    lab, warnings = parse_lab_with_warnings(data, str(path))
-    for warning in warnings:
-        Reporter().warn(warning)
-    return lab, path, data
+    file = parse_lab_file(data, str(path))
+    tell([*file.findings, *thing_findings(file)], Reporter().warn, strict=strict)
+    return file.lab, path, data
 
 
 def check_output(path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.commands.files import check_output, read_lab_file
-from agent.commands.parser import PRESETS, OptionParser, add_output, add_precision, add_replay
+from agent.commands.parser import PRESETS, OptionParser, add_output, add_precision, add_replay, add_strict
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
@@ -73,7 +73,7 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
         from agent.offline.simulator_log import run_from_simulator_log
 
         run, lab = run_from_simulator_log(options.run, options.angles, robot=options.robot)
-        return run, lab if options.map is None else read_lab_file(options.map)[0]
+        return run, lab if options.map is None else read_lab_file(options.map, strict=options.strict)[0]
     from ciberrato.files.run_log import read_run
 
     run = read_run(options.run)
@@ -81,7 +81,7 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
         raise UsageError(
             f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold it"
         )
-    lab, path, data = read_lab_file(options.map)
+    lab, path, data = read_lab_file(options.map, strict=options.strict)
     if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
         Reporter().warn(
             f"{options.run} was recorded in {run.header.lab_name}, whose contents differ from those of {path}"
@@ -99,6 +99,7 @@ def make_parser() -> OptionParser:
     add = parser.add_argument
     add("run", type=Path, metavar="RUN", help="the log")
     add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
+    add_strict(parser)
     add_output(parser)
     add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
     add_precision(parser, default=None)

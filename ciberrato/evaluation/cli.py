@@ -74,6 +74,12 @@ def _run(options: argparse.Namespace) -> int:
         from ciberrato.localization.belief import compiled
 
         tasks = _tasks(options)
+        _tell(
+            options,
+            labs=[task.lab for task in tasks],
+            grids=[task.grid for task in tasks if task.grid is not None],
+            parameters=[task.parameters for task in tasks],
+        )
         loops = "numba" if compiled.choice() != "off" and compiled.available() else "numpy"
         if not options.quiet and options.scheduler is None:
             print(f"{PROGRAM}: the filter's loops are those of {loops}", file=sys.stderr)
@@ -129,7 +135,9 @@ def _replay(options: argparse.Namespace) -> int:
     from ciberrato.files.lab import read_lab
     from ciberrato.labs import find_lab
 
-    lab = read_lab(find_lab((options.lab or ["standard"])[0]))
+    name = (options.lab or ["standard"])[0]
+    _tell(options, [name])
+    lab = read_lab(find_lab(name))
     for number, folder in enumerate(options.replay):
         found = replay(folder, lab)
         print("\n" * (number > 0) + replay_table(found))
@@ -152,6 +160,7 @@ def _published(options: argparse.Namespace) -> int:
         for name in options.lab or ["standard"]
         for lab, _ in _find_labs(name, options.labs)
     ]
+    _tell(options, [task.lab for task in tasks])
     compared = list(compare_with_published(tasks, jobs=options.jobs))
     print(published_table(compared))
     return 0
@@ -190,6 +199,32 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
             )
         )
     return tasks
+
+
+def _tell(
+    options: argparse.Namespace,
+    labs: Sequence[str],
+    grids: Sequence[str] = (),
+    parameters: Sequence[str] = (),
+) -> None:
+    """Say once what is odd in the files that are to be read."""
+    from ciberrato.checks.telling import tell
+    from ciberrato.checks.things import thing_findings
+    from ciberrato.files.lab import parse_lab_file
+    from ciberrato.files.parameters import parse_parameter_file
+    from ciberrato.files.start_grid import parse_grid_file
+    from ciberrato.files.xml import read_file
+    from ciberrato.labs import find_grid, find_lab, find_parameters
+
+    findings = []
+    for lab in dict.fromkeys(str(find_lab(name)) for name in labs):
+        file = parse_lab_file(read_file(lab), lab)
+        findings += [*file.findings, *thing_findings(file)]
+    for grid in dict.fromkeys(str(find_grid(name)) for name in grids):
+        findings += parse_grid_file(read_file(grid), grid).findings
+    for path in dict.fromkeys(str(find_parameters(name)) for name in parameters):
+        findings += parse_parameter_file(read_file(path), path).findings
+    tell(findings, lambda line: print(f"{PROGRAM}: {line}", file=sys.stderr), strict=options.strict)
 
 
 def _find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
@@ -281,5 +316,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--figures", type=Path, metavar="DIR", help="draw figures there")
     add("--jobs", type=int, default=0, metavar="N", help="processes; default: one a core")
     add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the tasks instead")
+    add("--strict", action="store_true", help="refuse labs, grids and parameters with warnings")
     add("--quiet", action="store_true", help="no progress bar")
     return parser

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ciberrato.errors import LabError
+from ciberrato.files.findings import Finding, warnings_of
+from ciberrato.files.row_findings import check_row, check_row_once
 from ciberrato.files.row_pattern import row_walls
-from ciberrato.files.xml import Element, Reader, parse_elements, read_file
+from ciberrato.files.vocabulary import LAB, check_attributes, check_place, check_unknown_element
+from ciberrato.files.xml import Reader, read_file
+from ciberrato.files.xml_document import Element, parse_elements
 from ciberrato.geometry.angles import bearing, wrap_once
 from ciberrato.world.coordinates import Point
 from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
@@ -34,6 +39,42 @@ _DEFAULT_ROWS = (
     "  |  |           |           |     |     ",
 )
 """The built-in lab, top row first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabFile:
+    """A lab with what its file says beside.
+
+    Attributes
+    ----------
+    lab : Lab
+    source : str
+        The file's name.
+    findings : tuple of Finding
+        What is passed over or taken for something else, in order of lines.
+    beacon_lines, target_lines, wall_lines : tuple of int
+        The line of each beacon, target and wall of the lab; that of the row where a row draws the wall.
+    from_rows : tuple of bool
+        Of each wall, whether a row draws it.
+    """
+
+    lab: Lab
+    source: str
+    findings: tuple[Finding, ...] = ()
+    beacon_lines: tuple[int, ...] = ()
+    target_lines: tuple[int, ...] = ()
+    wall_lines: tuple[int, ...] = ()
+    from_rows: tuple[bool, ...] = ()
+
+
+@dataclass(slots=True)
+class _Contents:
+    """What is gathered of a lab, each thing with its line."""
+
+    beacons: list[tuple[Beacon, int]] = field(default_factory=list)
+    targets: list[tuple[Target, int]] = field(default_factory=list)
+    walls: list[tuple[Wall, int, bool]] = field(default_factory=list)
+    rows: dict[int, Element] = field(default_factory=dict)
 
 
 def default_lab() -> Lab:
@@ -113,56 +154,79 @@ def parse_lab_with_warnings(
     LabError
         If the data are not XML, the root is not ``Lab``, a number is not finite, or the size cannot be used.
     """
+    file = parse_lab_file(data, source, any_size=any_size)
+    return file.lab, warnings_of(file.findings)
+
+
+def parse_lab_file(data: bytes, source: str = "lab", *, any_size: bool = False) -> LabFile:
+    """Read a lab, and where in its file everything is; see `parse_lab_with_warnings`."""
     elements = parse_elements(data, source, "a lab")
     reader = Reader(source)
     root = elements[0]
     if root.name != "Lab":
         raise reader.error(root, f"the root element is {root.name}, not Lab; give a lab file")
-    beacons: list[Beacon] = []
-    targets: list[Target] = []
-    walls: list[Wall] = []
+    check_attributes(root, LAB, reader)
+    size = (reader.real(root, "Width", 16.0), reader.real(root, "Height", 16.0))
+    contents = _Contents()
     polygons: dict[int, list[Point]] = {}
     for element in elements:
         if element.name == "Corner" and element.parent is not None and element.parent.name == "Wall":
+            check_attributes(element, LAB, reader)
             corner = (reader.real(element, "X", 0.0), reader.real(element, "Y", 0.0))
             polygons.setdefault(id(element.parent), []).append(corner)
     for element in elements[1:]:
-        match element.name:
-            case "Beacon":
-                beacons.append(
-                    Beacon(
-                        x=reader.real(element, "X", 0.0),
-                        y=reader.real(element, "Y", 0.0),
-                        height=reader.real(element, "Height", 0.0),
-                    )
-                )
-            case "Target":
-                targets.append(
-                    Target(
-                        x=reader.real(element, "X", 0.0),
-                        y=reader.real(element, "Y", 0.0),
-                        radius=reader.real(element, "Radius", 2.0),
-                    )
-                )
-            case "Row":
-                walls += _row(element, reader)
-            case "Wall":
-                walls += _wall(element, polygons.get(id(element), []), reader)
-            case "Corner" if element.parent is not None and element.parent.name == "Wall":
-                pass
-            case name:
-                reader.warn(element, f"{name} means nothing in a lab and is passed over")
+        if element.name == "Wall":
+            _wall(element, polygons.get(id(element), []), reader, contents)
+        elif element.name in ("Beacon", "Target", "Row"):
+            _thing(element, size, reader, contents)
+        elif not (element.name == "Corner" and element.parent is not None and element.parent.name == "Wall"):
+            check_unknown_element(element, LAB, reader, "a lab")
+            continue
+        if element.name != "Corner":
+            check_attributes(element, LAB, reader)
+            check_place(element, root, reader)
     lab = Lab(
         name=root.attributes.get("Name", "NO NAMED LAB"),
-        width=reader.real(root, "Width", 16.0),
-        height=reader.real(root, "Height", 16.0),
-        beacons=tuple(beacons),
-        targets=tuple(targets),
-        walls=tuple(walls),
+        width=size[0],
+        height=size[1],
+        beacons=tuple(beacon for beacon, _ in contents.beacons),
+        targets=tuple(target for target, _ in contents.targets),
+        walls=tuple(wall for wall, _, _ in contents.walls),
     )
     if not any_size:
         _check_size(lab, root, reader)
-    return lab, tuple(reader.warnings)
+    for attribute, side in (("Width", lab.width), ("Height", lab.height)):
+        if side % CELL_SIZE and attribute in root.attributes:
+            cells = f"{side // CELL_SIZE:g} cells and {side % CELL_SIZE:g} units"
+            reader.note(root, "odd size", f"Lab {attribute} {side:g} is {cells}", attribute=attribute)
+    return LabFile(
+        lab=lab,
+        source=source,
+        findings=tuple(sorted(reader.findings, key=lambda finding: finding.line or 0)),
+        beacon_lines=tuple(line for _, line in contents.beacons),
+        target_lines=tuple(line for _, line in contents.targets),
+        wall_lines=tuple(line for _, line, _ in contents.walls),
+        from_rows=tuple(row for _, _, row in contents.walls),
+    )
+
+
+def _thing(element: Element, size: tuple[float, float], reader: Reader, contents: _Contents) -> None:
+    """Read a beacon, a target or a row."""
+    if element.name == "Row":
+        position = reader.integer(element, "Pos", 0)
+        height = reader.real(element, "Height", 4.0)
+        walls, _ = row_walls(element.attributes.get("Pattern", ""), position, height)
+        contents.walls += [(wall, element.line, True) for wall in walls]
+        check_row(element, position, height, size, reader)
+        check_row_once(element, position, contents.rows, reader)
+        return
+    x, y = reader.real(element, "X", 0.0), reader.real(element, "Y", 0.0)
+    if element.name == "Beacon":
+        beacon = Beacon(x=x, y=y, height=reader.real(element, "Height", 0.0))
+        contents.beacons.append((beacon, element.line))
+    else:
+        target = Target(x=x, y=y, radius=reader.real(element, "Radius", 2.0))
+        contents.targets.append((target, element.line))
 
 
 def _check_size(lab: Lab, root: Element, reader: Reader) -> None:
@@ -177,32 +241,28 @@ def _check_size(lab: Lab, root: Element, reader: Reader) -> None:
             )
 
 
-def _row(element: Element, reader: Reader) -> list[Wall]:
-    position = reader.integer(element, "Pos", 0)
+def _wall(element: Element, corners: list[Point], reader: Reader, contents: _Contents) -> None:
     height = reader.real(element, "Height", 4.0)
-    walls, lost = row_walls(element.attributes.get("Pattern", ""), position, height)
-    if lost:
-        reader.warn(
-            element,
-            f"the last wall of row {position} is lost, as in the real simulator: its pattern ends "
-            "before the wall does; add three blanks to the pattern",
-        )
-    return walls
-
-
-def _wall(element: Element, corners: list[Point], reader: Reader) -> list[Wall]:
-    height = reader.real(element, "Height", 4.0)
+    place = corners[0] if corners else None
     if len(corners) < 3:
-        reader.warn(element, f"a wall of {len(corners)} corners is dropped: it takes three or more")
-        return []
+        found = f"a wall has {len(corners)} corner{'s' * (len(corners) != 1)}"
+        reader.warn(
+            element, "dropped wall", found, "is dropped", advice="it takes three or more", place=place
+        )
+        return
     turn = total_turn(corners)
     if abs(abs(turn) - 2 * math.pi) > _FULL_TURN_TOLERANCE:
         reader.warn(
             element,
-            "a wall is dropped: its sides cross or a corner is repeated; list each corner once, in order",
+            "dropped wall",
+            "the sides of a wall cross, or a corner is repeated,",
+            "the wall is dropped",
+            advice="list each corner once, in order",
+            place=place,
         )
-        return []
-    return [Wall(height=height, corners=tuple(corners if turn > 0 else reversed(corners)))]
+        return
+    wall = Wall(height=height, corners=tuple(corners if turn > 0 else reversed(corners)))
+    contents.walls.append((wall, element.line, False))
 
 
 def total_turn(corners: Sequence[Point]) -> float:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ciberrato.files.xml import Element, Reader, parse_elements, read_file
+from ciberrato.files.findings import Finding, nearest_name, warnings_of
+from ciberrato.files.xml import Reader, read_file
+from ciberrato.files.xml_document import Element, parse_elements
 from ciberrato.world.parameter_names import FILE_NAMES, INTEGERS, REALS, SWITCHES
 from ciberrato.world.parameters import Parameters
 
@@ -21,13 +23,37 @@ _NATURALS = {
 _REALS = REALS | {"LineSensorTrueProb": "line_sensor_true_probability"}
 
 _WITHOUT_EFFECT = {
-    "RequestsPerCycle": "write NRequestsPerCycle",
-    "CollisionLatency": "write collisionLatency, the only spelling that the real simulator reads",
-    "GPSRequestable": "the GPS cannot be requested",
-    "GPSLatency": "the GPS has no latency",
+    "RequestsPerCycle": ("write NRequestsPerCycle", "NRequestsPerCycle"),
+    "CollisionLatency": (
+        "write collisionLatency, the only spelling that the real simulator reads",
+        "collisionLatency",
+    ),
+    "GPSRequestable": ("the GPS cannot be requested", None),
+    "GPSLatency": ("the GPS has no latency", None),
 }
 _PASSED_OVER = {"NBeacons", "ShowActions"}
 """Stand in many files and mean nothing: the simulator announces its own values."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterFile:
+    """Parameters with what their file says beside.
+
+    Attributes
+    ----------
+    parameters : Parameters
+    source : str
+        The file's name.
+    findings : tuple of Finding
+        What is passed over or taken for something else, in order of lines.
+    lines : dict of str to int
+        The line of each attribute.
+    """
+
+    parameters: Parameters
+    source: str
+    findings: tuple[Finding, ...]
+    lines: dict[str, int]
 
 
 def read_parameters(path: str | Path, defaults: Parameters | None = None) -> Parameters:
@@ -46,7 +72,34 @@ def read_parameters(path: str | Path, defaults: Parameters | None = None) -> Par
     LabError
         If it does not hold parameters.
     """
-    return parse_parameters(read_file(path), str(path), defaults)
+    return read_parameters_with_warnings(path, defaults)[0]
+
+
+def read_parameters_with_warnings(
+    path: str | Path, defaults: Parameters | None = None
+) -> tuple[Parameters, tuple[str, ...]]:
+    """Read a parameter file, and say what was passed over or guessed.
+
+    Parameters
+    ----------
+    path : str or Path
+    defaults : Parameters or None
+        Values of what the file does not mention; None = built-in ones.
+
+    Returns
+    -------
+    parameters : Parameters
+    warnings : tuple of str
+        As in `parse_parameters_with_warnings`.
+
+    Raises
+    ------
+    UsageError
+        If the file cannot be read.
+    LabError
+        If it does not hold parameters.
+    """
+    return parse_parameters_with_warnings(read_file(path), str(path), defaults)
 
 
 def parse_parameters(
@@ -83,6 +136,14 @@ def parse_parameters_with_warnings(
         If the data are not XML, or a value is impossible: not finite, a noise below 0, a probability
         outside 0 to 1.
     """
+    file = parse_parameter_file(data, source, defaults)
+    return file.parameters, warnings_of(file.findings)
+
+
+def parse_parameter_file(
+    data: bytes, source: str = "parameters", defaults: Parameters | None = None
+) -> ParameterFile:
+    """Read parameters, and what is odd in their file; see `parse_parameters_with_warnings`."""
     elements = parse_elements(data, source, "a parameter")
     reader = Reader(source)
     parameters = Parameters() if defaults is None else defaults
@@ -92,8 +153,23 @@ def parse_parameters_with_warnings(
             found = True
             parameters = replace(parameters, **_values(element, reader))
     if not found:
-        reader.warn(elements[0], "there is no Parameters element, so nothing is set; give a parameter file")
-    return parameters, tuple(reader.warnings)
+        meant = next((e for e in elements if nearest_name(e.name, ["Parameters"])), None)
+        reader.warn(
+            meant or elements[0],
+            "no Parameters",
+            f"there is no Parameters element{f', but {meant.name},' if meant else ''}",
+            "nothing is set",
+            advice="did you mean Parameters?" if meant else "give a parameter file",
+            instead="Parameters" if meant else None,
+        )
+    findings = tuple(sorted(reader.findings, key=lambda finding: finding.line or 0))
+    lines = {
+        attribute: element.line_of(attribute)
+        for element in elements
+        if element.name == "Parameters"
+        for attribute in element.attributes
+    }
+    return ParameterFile(parameters=parameters, source=source, findings=findings, lines=lines)
 
 
 def _values(element: Element, reader: Reader) -> dict[str, Any]:
@@ -115,15 +191,34 @@ def _values(element: Element, reader: Reader) -> dict[str, Any]:
             if attribute in _WITHOUT_EFFECT:
                 _warn_without_effect(element, attribute, reader)
             elif attribute not in _PASSED_OVER:
-                reader.warn(element, f"there is no parameter {attribute}; it is passed over")
+                meant = nearest_name(attribute, [name for names, _ in kinds for name in names])
+                reader.warn(
+                    element,
+                    "unknown attribute",
+                    f'Parameters {attribute}="{element.attributes[attribute][:40]}" means nothing',
+                    "is passed over" + (f", so that {meant} stays {_told(meant, kinds)}" if meant else ""),
+                    attribute=attribute,
+                    advice=f"did you mean {meant}?" if meant else "",
+                    instead=meant,
+                )
     return values
+
+
+def _told(attribute: str, kinds: Sequence[tuple[dict[str, str], Any]]) -> str:
+    """Return the default of a parameter, as it is written in files."""
+    (field,) = [names[attribute] for names, _ in kinds if attribute in names]
+    value = getattr(Parameters(), field)
+    if isinstance(value, bool):
+        return "On" if value else "Off"
+    return "unsaid" if value is None else f"{value:g}"
 
 
 def _warn_without_effect(element: Element, attribute: str, reader: Reader) -> None:
     value = element.attributes[attribute]
     if value not in ("0", "Off"):  # that is what happens anyway
-        advice = _WITHOUT_EFFECT[attribute]
-        reader.warn(element, f'{attribute}="{value}" has no effect, as in the real simulator: {advice}')
+        advice, instead = _WITHOUT_EFFECT[attribute]
+        found = f'{attribute}="{value}" has no effect, as in the real simulator'
+        reader.warn(element, "no effect", found, attribute=attribute, advice=advice, instead=instead)
 
 
 def _checked_real(element: Element, attribute: str, reader: Reader) -> float:

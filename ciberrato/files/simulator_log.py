@@ -15,12 +15,11 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
-from xml.parsers import expat
-from xml.parsers.expat import errors as expat_errors
+from typing import TYPE_CHECKING, BinaryIO
 
 from ciberrato.errors import LabError, ProtocolError, UsageError
 from ciberrato.files.log_kind import GZIP_MAGIC
+from ciberrato.files.xml_document import MISMATCH, end_line
 from ciberrato.protocol import Actions, Measures, decode_parameters
 from ciberrato.protocol.lab_text import grid_from_element, lab_from_element
 from ciberrato.protocol.measures_text import measures_from_element
@@ -30,10 +29,15 @@ from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
 
+if TYPE_CHECKING:
+    from lxml import etree
+
 PIECE = 1 << 16
 """Bytes read at a time."""
 
 _SIGN_BIT = 2**31
+_DEEPEST = 8
+"""How deep a log is nested: a log of ours is 5 deep."""
 _NOT_UTF8 = re.compile("[\udc80-\udcff]")
 
 
@@ -239,81 +243,99 @@ class _LogParser:
     """Takes the bytes of a log in pieces, and puts its records into a queue."""
 
     def __init__(self, source: str) -> None:
+        from lxml import etree
+
         self.records: deque[LogRecord] = deque()
         self._source = source
         self._date = ""
         self._parts: dict[str, Element] = {}
-        self._open: list[Element] = []
+        self._root: etree._Element | None = None
+        self._depth = 0
         self._ended = False
         # Ours is UTF-8; the real simulator writes names as Latin-1. Neither declares anything.
         self._decoder = codecs.getincrementaldecoder("utf-8")("surrogateescape")
-        self._parser = expat.ParserCreate("utf-8")
-        self._parser.StartElementHandler = self._start
-        self._parser.EndElementHandler = self._end
-        self._parser.StartDoctypeDeclHandler = self._refuse_doctype
+        self._parser = etree.XMLPullParser(
+            ("start", "end"), encoding="utf-8", resolve_entities=False, no_network=True
+        )
 
     def feed(self, data: bytes) -> None:
         """Take the next piece."""
+        from lxml import etree
+
         text = self._decoder.decode(data)
         if not text.isascii():
             text = _NOT_UTF8.sub(lambda match: chr(ord(match[0]) - 0xDC00), text)
-        self._parse(text.encode(), final=False)
+        try:
+            self._parser.feed(text.encode())
+        except etree.XMLSyntaxError:
+            self._take()  # what is before the fault
+            raise self._fault() from None
+        self._take()
+
+    def _take(self) -> None:
+        events: Iterator[tuple[str, etree._Element]] = self._parser.read_events()  # type: ignore[assignment]
+        for event, node in events:
+            if event == "start":
+                if self._root is None:
+                    self._begin(node)
+                self._depth += 1
+                if self._depth > _DEEPEST:
+                    raise self._error("is nested too deeply for a simulator's log", node)
+                continue
+            self._depth -= 1
+            if self._depth == 1 and self._root is not None:
+                self._part(node)
+                # What hangs on the root itself is let go of when it is read, and what stood before it.
+                node.clear()
+                while node.getprevious() is not None:
+                    del self._root[0]
+            elif self._depth == 0:
+                self._ended = True
+
+    def _begin(self, root: etree._Element) -> None:
+        if root.getroottree().docinfo.internalDTD is not None:
+            raise self._error("has a document type, which a simulator's log has not", 1)
+        if root.tag != "Log":
+            raise self._error(f"begins with {root.tag}: not a simulator's log, which begins with Log", root)
+        self._root = root
+        self._date = str(root.get("Date", ""))
+
+    def _part(self, node: etree._Element) -> None:
+        element = _element(node)
+        if element.name != "LogInfo":
+            self._parts[element.name] = element
+            return
+        try:
+            self.records.append(_record(element))
+        except ProtocolError as error:
+            raise self._error(f"LogInfo that begins here: {error}", node) from None
 
     def finish(self) -> bool:
         """Say whether the log has its end."""
-        if self._ended:
-            self._parse(b"", final=True)
         return self._ended
 
-    def _parse(self, data: bytes, *, final: bool) -> None:
-        try:
-            self._parser.Parse(data, final)
-        except expat.ExpatError as error:
-            problem = expat.ErrorString(error.code)
-            if error.code == expat_errors.codes[expat_errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT]:
-                problem = "something follows the end of the log"
-            raise self._error(f"is not a simulator's log ({problem})", error.lineno) from None
+    def _fault(self) -> LabError:
+        """Make the error that the parser has met."""
+        fault = self._parser.feed_error_log[0]
+        problem, line = fault.message or "error", fault.line
+        if mismatch := MISMATCH.search(problem):
+            opened, began, closed = mismatch.groups()
+            problem = f"mismatched tag: </{closed}> where </{opened}> of line {began} is due"
+        elif self._ended:
+            problem = "something follows the end of the log"
+        elif "depth" in problem.lower():
+            return self._error("is nested too deeply for a simulator's log", line)
+        return self._error(f"is not a simulator's log ({' '.join(problem.split())})", line)
 
-    def _error(self, problem: str, line: int | None = None) -> LabError:
-        return LabError(
-            problem,
-            source=self._source,
-            line=self._parser.CurrentLineNumber if line is None else line,
-        )
-
-    def _refuse_doctype(self, *_declaration: object) -> None:
-        raise self._error("has a document type, which a simulator's log has not")
-
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        element = Element(name, attributes)
-        if not self._open:
-            if name != "Log":
-                raise self._error(f"begins with {name}: not a simulator's log, which begins with Log")
-            self._date = attributes.get("Date", "")
-        elif len(self._open) > 1:  # what hangs on the root itself is let go of when it is read
-            self._open[-1].children.append(element)
-        if len(self._open) > 8:
-            raise self._error("is nested too deeply for a simulator's log")
-        self._open.append(element)
-
-    def _end(self, name: str) -> None:
-        element = self._open.pop()
-        if not self._open:
-            self._ended = True
-        elif len(self._open) == 1:
-            if name == "LogInfo":
-                try:
-                    self.records.append(_record(element))
-                except ProtocolError as error:
-                    raise self._error(f"LogInfo that ends here: {error}") from None
-            else:
-                self._parts[name] = element
+    def _error(self, problem: str, place: etree._Element | int | None = None) -> LabError:
+        line = place if place is None or isinstance(place, int) else end_line(place)
+        return LabError(problem, source=self._source, line=line)
 
     def header(self) -> LogHeader:
         """Make the header of what came before the first record."""
         missing = [name for name in ("Parameters", "Lab", "Grid") if name not in self._parts]
         if missing:
-            raise self._error(f"has no {missing[0]} before its first LogInfo: not a simulator's log")
+            raise self._error(f"has no {missing[0]} before its first LogInfo: not a simulator's log", 1)
         try:
             parameters, n_beacons = decode_parameters(self._parts["Parameters"].attributes)
             return LogHeader(
@@ -325,6 +347,13 @@ class _LogParser:
             )
         except ProtocolError as error:
             raise LabError(str(error), source=self._source) from None
+
+
+def _element(node: etree._Element) -> Element:
+    """Return an element of the log as one of the wire, which has the same."""
+    element = Element(str(node.tag), {str(name): str(value) for name, value in node.items()})
+    element.children = [_element(child) for child in node.iterchildren("*")]
+    return element
 
 
 def _record(element: Element) -> LogRecord:

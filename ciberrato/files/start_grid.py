@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
-from ciberrato.files.xml import Reader, parse_elements, read_file
+from ciberrato.files.findings import Finding, warnings_of
+from ciberrato.files.vocabulary import GRID, check_attributes, check_place, check_unknown_element
+from ciberrato.files.xml import Reader, read_file
+from ciberrato.files.xml_document import parse_elements
 from ciberrato.world.start_grid import GridPosition, StartGrid
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GridFile:
+    """A start grid with what its file says beside.
+
+    Attributes
+    ----------
+    grid : StartGrid
+    source : str
+        The file's name.
+    findings : tuple of Finding
+        What is passed over or taken for something else, in order of lines.
+    lines : tuple of int
+        The line of each position.
+    """
+
+    grid: StartGrid
+    source: str
+    findings: tuple[Finding, ...] = ()
+    lines: tuple[int | None, ...] = ()
 
 
 def default_grid() -> StartGrid:
@@ -27,7 +52,30 @@ def read_grid(path: str | Path) -> StartGrid:
     LabError
         If it does not hold a start grid.
     """
-    return parse_grid(read_file(path), str(path))
+    return read_grid_with_warnings(path)[0]
+
+
+def read_grid_with_warnings(path: str | Path) -> tuple[StartGrid, tuple[str, ...]]:
+    """Read a start grid file, and say what was passed over or guessed.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    grid : StartGrid
+    warnings : tuple of str
+        As in `parse_grid_with_warnings`.
+
+    Raises
+    ------
+    UsageError
+        If the file cannot be read.
+    LabError
+        If it does not hold a start grid.
+    """
+    return parse_grid_with_warnings(read_file(path), str(path))
 
 
 def parse_grid(data: bytes, source: str = "grid", *, allow_empty: bool = False) -> StartGrid:
@@ -60,23 +108,36 @@ def parse_grid_with_warnings(
     LabError
         If the data are not XML, the root is not ``Grid``, or there is no position.
     """
+    file = parse_grid_file(data, source, allow_empty=allow_empty)
+    return file.grid, warnings_of(file.findings)
+
+
+def parse_grid_file(data: bytes, source: str = "grid", *, allow_empty: bool = False) -> GridFile:
+    """Read a start grid, and where in its file everything is; see `parse_grid_with_warnings`."""
     elements = parse_elements(data, source, "a start grid")
     reader = Reader(source)
     root = elements[0]
     if root.name != "Grid":
         raise reader.error(root, f"the root element is {root.name}, not Grid; give a start grid file")
-    positions = []
+    check_attributes(root, GRID, reader)
+    positions, lines = [], []
     for element in elements[1:]:
-        if element.name == "Position":
-            positions.append(
-                GridPosition(
-                    x=reader.real(element, "X", 0.0),
-                    y=reader.real(element, "Y", 0.0),
-                    direction=reader.real(element, "Dir", 0.0),
-                )
+        if element.name != "Position":
+            check_unknown_element(element, GRID, reader, "a start grid")
+            continue
+        check_attributes(element, GRID, reader)
+        check_place(element, root, reader)
+        lines.append(element.line)
+        positions.append(
+            GridPosition(
+                x=reader.real(element, "X", 0.0),
+                y=reader.real(element, "Y", 0.0),
+                direction=reader.real(element, "Dir", 0.0),
             )
-        else:
-            reader.warn(element, f"{element.name} means nothing in a start grid and is passed over")
+        )
     if not positions and not allow_empty:
         raise reader.error(root, "the start grid has no Position; add one for each robot")
-    return StartGrid(positions=tuple(positions)), tuple(reader.warnings)
+    findings = tuple(sorted(reader.findings, key=lambda finding: finding.line or 0))
+    return GridFile(
+        grid=StartGrid(positions=tuple(positions)), source=source, findings=findings, lines=tuple(lines)
+    )

@@ -1,8 +1,8 @@
-"""XML documents on disk: bytes to a flat list of elements, and attributes to numbers.
+"""XML documents on disk: files to bytes, and attributes to numbers.
 
 Lab, grid and parameter files are read by one set of rules, those of the real simulator: an attribute that
 does not hold a number counts as 0, whatever stands where nothing is expected is passed over, and only
-what is not XML at all is refused. What is passed over is reported as a warning with its line.
+what is not XML at all is refused. What is passed over is reported as a finding with its line.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.parsers import expat
+from typing import Any
 
 from ciberrato.errors import LabError, UsageError
+from ciberrato.files.findings import Finding
+from ciberrato.files.xml_document import Element
 
 MAX_FILE_SIZE = 16 * 2**20
 """Bytes; a larger file is refused before it is parsed."""
@@ -21,26 +23,9 @@ MAX_FILE_SIZE = 16 * 2**20
 _REAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[+-]?(?:inf|nan)", re.IGNORECASE)
 _INTEGER = re.compile(r"[+-]?[0-9]+")
-
-
-@dataclass(frozen=True, slots=True)
-class Element:
-    """One start tag.
-
-    Attributes
-    ----------
-    name : str
-    attributes : dict of str to str
-    line : int
-        Line of the tag, counted from 1.
-    parent : Element or None
-        The element around it; None for the root.
-    """
-
-    name: str
-    attributes: dict[str, str]
-    line: int
-    parent: Element | None
+_SWITCH_WORDS = dict.fromkeys(("on", "yes", "true", "1"), "On") | dict.fromkeys(
+    ("off", "no", "false", "0"), "Off"
+)
 
 
 @dataclass(slots=True)
@@ -51,16 +36,40 @@ class Reader:
     ----------
     source : str
         The file's name, for messages.
-    warnings : list of str
-        One line each: ``file:line: what was found, and what was made of it``.
+    findings : list of Finding
+        In the order in which they were met.
     """
 
     source: str
-    warnings: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
-    def warn(self, element: Element, problem: str) -> None:
-        """Add a warning about an element."""
-        self.warnings.append(f"{self.source}:{element.line}: {problem}")
+    def warn(self, element: Element, kind: str, found: str, taken: str = "", **more: Any) -> None:
+        """Add a warning about an element; see `Finding`.
+
+        Parameters
+        ----------
+        element : Element
+        kind, found, taken : str
+        attribute : str, optional
+            The one that it is about: its line counts.
+        severity, advice, instead, place : optional
+            As of `Finding`.
+        """
+        line = element.line_of(more.pop("attribute", ""))
+        self.findings.append(
+            Finding(
+                **{"severity": "warning", **more},
+                kind=kind,
+                source=self.source,
+                line=line,
+                found=found,
+                taken=taken,
+            )
+        )
+
+    def note(self, element: Element, kind: str, found: str, taken: str = "", **more: Any) -> None:
+        """Add a note about an element; see `warn`."""
+        self.warn(element, kind, found, taken, severity="note", **more)
 
     def error(self, element: Element, problem: str) -> LabError:
         """Make the error that an element deserves; the caller raises it."""
@@ -83,9 +92,10 @@ class Reader:
             if math.isfinite(value):
                 return value
         elif not _NOT_FINITE.fullmatch(stripped):
-            self.warn(element, f'{element.name} {attribute}="{text}" is not a number and counts as 0')
+            self._not_a_number(element, attribute, stripped, "a number")
             return 0.0
-        raise self.error(element, f'{element.name} {attribute}="{text}" is not finite: write a finite number')
+        problem = f'{element.name} {attribute}="{text}" is not finite: write a finite number'
+        raise LabError(problem, source=self.source, line=element.line_of(attribute))
 
     def integer(self, element: Element, attribute: str, default: int) -> int:
         """Value of an attribute that should hold an integer of 32 bits; 0 where it does not."""
@@ -105,12 +115,21 @@ class Reader:
             value = int(stripped)
             if least <= value <= greatest:
                 return value
+        self._not_a_number(element, attribute, stripped, f"an integer from {least} to {greatest}")
+        return 0
+
+    def _not_a_number(self, element: Element, attribute: str, text: str, what: str) -> None:
+        meant = _meant(text, whole=what != "a number")
+        shown = element.attributes[attribute]
         self.warn(
             element,
-            f'{element.name} {attribute}="{text}" is not an integer from {least} to {greatest} '
-            "and counts as 0",
+            "not a number",
+            f'{element.name} {attribute}="{shown if len(shown) <= 40 else shown[:40] + "…"}" is not {what}',
+            "counts as 0",
+            attribute=attribute,
+            advice=f"write {meant}{', with a point' if ',' in text else ''}" if meant else "",
+            instead=meant,
         )
-        return 0
 
     def switch(self, element: Element, attribute: str, default: bool) -> bool:
         """Value of an attribute that is on where it says exactly ``On``."""
@@ -118,8 +137,27 @@ class Reader:
         if text is None:
             return default
         if text not in ("On", "Off"):
-            self.warn(element, f'{element.name} {attribute}="{text}" is not "On" and counts as "Off"')
+            self.warn(
+                element,
+                "not a switch",
+                f'{element.name} {attribute}="{text}" is not "On"',
+                'counts as "Off"',
+                attribute=attribute,
+                advice="write On or Off",
+                instead=_SWITCH_WORDS.get(text.strip().lower()),
+            )
         return text == "On"
+
+
+def _meant(text: str, *, whole: bool) -> str | None:
+    """Return the number that a text which is none was probably meant to be."""
+    candidate = text.replace(",", ".").removesuffix("%").strip()
+    if not _REAL.fullmatch(candidate):
+        return None
+    if not whole:
+        return candidate
+    value = float(candidate)
+    return f"{value:.0f}" if value.is_integer() and abs(value) < 2**31 else None
 
 
 def read_file(path: str | Path) -> bytes:
@@ -145,52 +183,3 @@ def read_file(path: str | Path) -> bytes:
     if len(data) > MAX_FILE_SIZE:
         raise LabError(f"is larger than {MAX_FILE_SIZE >> 20} MiB; give the right file", source=str(path))
     return data
-
-
-def parse_elements(data: bytes, source: str, what: str) -> list[Element]:
-    """All start tags of an XML document, in the order of the document.
-
-    Parameters
-    ----------
-    data : bytes
-        In any encoding that expat knows: UTF-8, UTF-16 with byte order mark, or as declared.
-    source : str
-        The file's name, for messages.
-    what : str
-        What the document should be, for messages: ``a lab``.
-
-    Raises
-    ------
-    LabError
-        If the data are not well-formed XML, or declare entities.
-    """
-    elements: list[Element] = []
-    open_elements: list[Element | None] = [None]
-    parser = expat.ParserCreate()
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        element = Element(name, attributes, parser.CurrentLineNumber, open_elements[-1])
-        elements.append(element)
-        open_elements.append(element)
-
-    def end(_name: str) -> None:
-        open_elements.pop()
-
-    def entity(*_declaration: object) -> None:
-        problem = f"declares XML entities, which {what} file must not; remove them"
-        raise LabError(problem, source=source, line=parser.CurrentLineNumber)
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.EntityDeclHandler = entity
-    if not data.strip():
-        raise LabError(f"is empty; give {what} file", source=source, line=1)
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        problem = f"is not well-formed XML ({expat.ErrorString(error.code)}); correct it, or give {what} file"
-        raise LabError(problem, source=source, line=error.lineno) from None
-    except (LookupError, ValueError) as error:  # Python does not know it, or it is not one byte a character
-        problem = f"declares an encoding that cannot be read ({error}); use UTF-8"
-        raise LabError(problem, source=source, line=1) from None
-    return elements

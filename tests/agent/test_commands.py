@@ -95,6 +95,22 @@ def test_broken_labs_are_refused_before_the_robot_registers(
     assert complaint in fails(["-m", "lab.xml", "-h", "127.0.0.1:9"], capsys)
 
 
+@pytest.mark.parametrize("command", [[], ["localize", "run.jsonl"]])
+def test_labs_with_mistakes_are_told_and_refused_if_asked(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "odd.xml").write_text('<Lab Width="8"\n Heigth="4"><Beacon X="9" Y="1"/></Lab>')
+    RunWriter(Path("run.jsonl"), HEADER).close()
+    assert main([*command, "-m", "odd.xml", "--strict"]) == 2
+    told = [line.removeprefix("ciberrato-agent: ") for line in capsys.readouterr().err.splitlines()]
+    assert told == [
+        'odd.xml:2: Lab Heigth="4" means nothing and is passed over, so that Height is 16; '
+        "did you mean Height?",
+        "odd.xml:2: beacon 0 at (9, 1) is outside the lab and no robot sees it",
+        "--strict: 2 warnings about the files; correct them, or leave it out",
+    ]
+
+
 def test_a_file_that_cannot_be_written_is_told_before_the_run(capsys: pytest.CaptureFixture[str]) -> None:
     if os.geteuid() == 0:
         pytest.skip("nothing is forbidden to root")

@@ -287,6 +287,20 @@ def test_what_the_user_got_wrong_is_one_line(arguments, capsys, tmp_path, monkey
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_files_with_mistakes_are_told_and_refused_if_asked(tmp_path, capsys):
+    lab, parameters = tmp_path / "odd.xml", tmp_path / "p.xml"
+    lab.write_text('<Lab Width="8" Heigth="4"/>')
+    parameters.write_text('<Parameters MotorsNoise="1,5"/>')
+    output = tmp_path / "o.jsonl"
+    words = ["--lab", str(lab), "--parameters", str(parameters), "--output", str(output), "--strict"]
+    assert main(words) == 2
+    errors = capsys.readouterr().err
+    assert f"{lab}:1: Lab Heigth=" in errors
+    assert f'{parameters}:1: Parameters MotorsNoise="1,5" is not a number and counts as 0' in errors
+    assert errors.endswith("--strict: 2 warnings about the files; correct them, or leave it out\n")
+    assert not output.exists()
+
+
 def test_a_file_of_something_else_is_an_error_with_its_line(tmp_path, capsys):
     path = tmp_path / "x.jsonl"
     path.write_text(json.dumps({"task": dataclasses.asdict(Task(lab="a"))}) + "\n")

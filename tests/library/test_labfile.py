@@ -63,18 +63,18 @@ def test_size_of_a_lab_of_any_shape():
 @pytest.mark.parametrize(
     ("inside", "line", "what"),
     [
-        ('<Row Pos="1" Pattern="--+--"/>', 2, "wall of row 1 is lost"),
-        ('<Wall><Corner X="1" Y="1"/></Wall>', 2, "a wall of 1 corners is dropped"),
+        ('<Row Pos="1" Pattern="--+--"/>', 2, "ends before its last wall does and that wall is lost"),
+        ('<Wall><Corner X="1" Y="1"/></Wall>', 2, "a wall has 1 corner and is dropped"),
         (
             '\n<Wall><Corner/><Corner X="3" Y="3"/><Corner X="3"/><Corner Y="3"/></Wall>',
             3,
-            "its sides cross",
+            "the sides of a wall cross",
         ),
         ('<Row Pos="4" Height="abc" Pattern="  |"/>', 2, 'Row Height="abc" is not a number and counts as 0'),
         ('<Row Pos="4.5" Pattern="  |"/>', 2, 'Row Pos="4.5" is not an integer'),
         ('<Beacon X="1,5"/>', 2, 'Beacon X="1,5" is not a number'),
         ("<row/>", 2, "row means nothing"),
-        ("<Corner/>", 2, "Corner means nothing"),
+        ("<Corner/>", 2, "Corner outside a Wall means nothing"),
     ],
 )
 def test_what_is_passed_over_is_reported_with_its_line(inside, line, what):
@@ -87,11 +87,24 @@ def test_what_is_passed_over_is_reported_with_its_line(inside, line, what):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"<Lab>", "my.xml:1: is not well-formed XML (no element found)"),
-        (b"<Lab Width='4' Width='5'/>", "my.xml:1: is not well-formed XML (duplicate attribute)"),
+        (b"<Lab>", "my.xml:1: is not well-formed XML (the end is missing: Lab of line 1 is left open)"),
+        (b"<Lab Width='4' Width='5'/>", "my.xml:1: is not well-formed XML (duplicate attribute: "),
         (b"<Lab>\n\n<Row </Lab>", "my.xml:3: is not well-formed XML"),
+        (
+            b"<Lab>\n<Wall>\n<Corner>\n</Wall></Lab>",
+            "my.xml:4: is not well-formed XML (mismatched tag: </Wall> where </Corner> is due, "
+            "as Corner of line 3 is left open)",
+        ),
+        (
+            b"<Lab>\n<Wall>\n</Lab>",
+            "my.xml:3: is not well-formed XML (mismatched tag: </Lab> where </Wall> is due, ",
+        ),
+        (b"<Lab>" + b"<a>" * 50_000 + b"</a>" * 50_000 + b"</Lab>", "my.xml:1: is nested too deeply"),
+        (b'<!DOCTYPE Lab [<!ENTITY % p SYSTEM "p.dtd"> %p;]><Lab/>', "my.xml:1: declares XML entities"),
+        (b"<Lab Width=4/>", "my.xml:1: is not well-formed XML (a value without quotes around it)"),
+        (b"<Lab Name='\xe9'/>", "my.xml:1: is not well-formed XML (bytes that are not UTF-8"),
         (b"<Maze/>", "my.xml:1: the root element is Maze, not Lab"),
-        (b"<Lab/> x", "my.xml:1: is not well-formed XML (junk after document element)"),
+        (b"<Lab/> x", "my.xml:1: is not well-formed XML (something follows the end of the document)"),
         (b"", "my.xml:1: is empty"),
         (b" \n\t", "my.xml:1: is empty"),
         (b"\x89PNG\r\n\x1a\n\0\0", "my.xml:1: is not well-formed XML"),
@@ -121,8 +134,28 @@ def test_entities_do_not_grow():
         parse_lab(bomb.encode())
 
 
-def test_deep_nesting_does_no_harm():
-    assert len(parse_lab(b"<Lab>" + b"<a>" * 50_000 + b"</a>" * 50_000 + b"</Lab>").walls) == 0
+def test_nested_elements_are_read_up_to_a_bound():
+    assert len(parse_lab(b"<Lab>" + b"<a>" * 250 + b"</a>" * 250 + b"</Lab>").walls) == 0
+
+
+def test_no_file_is_read_but_the_one_that_is_named(tmp_path):
+    (tmp_path / "other.dtd").write_text('<!ATTLIST Lab Width CDATA "8">')
+    text = f'<!DOCTYPE Lab SYSTEM "{tmp_path}/other.dtd"><Lab/>'
+    assert parse_lab(text.encode()).width == 16.0
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1", "cp1252", "latin-1"])
+def test_declared_encodings(encoding):
+    text = f'<?xml version="1.0" encoding="{encoding}"?>\n<Lab Name="Águeda"\n Width="8"/>'
+    read = parse_lab(text.encode(encoding))
+    assert (read.name, read.width) == ("Águeda", 8.0)
+
+
+def test_prefixes_without_a_name_space_are_passed_over():
+    read, warnings = parse_lab_with_warnings(b"<Lab><x:Row/><Row Pos='0' Pattern='  |'/></Lab>")
+    assert len(read.walls) == 1
+    assert "x:Row means nothing" in warnings[0]
+    assert parse_lab(b'<Lab xmlns="http://example.org" Width="8"/>').width == 8.0
 
 
 @settings(max_examples=200, deadline=None)

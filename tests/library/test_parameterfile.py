@@ -61,9 +61,9 @@ def test_every_attribute_sets_its_field():
 def test_warnings_have_a_line_and_say_what_to_do():
     data = b'<P>\n<Parameters\nGPS="on" CollisionLatency="3" RequestsPerCycle="2" Foo="1" SimTime="-1"/></P>'
     _, warnings = parse_parameters_with_warnings(data, "p.xml")
-    assert all(warning.startswith("p.xml:2: ") for warning in warnings)
+    assert all(warning.startswith("p.xml:3: ") for warning in warnings)
     assert ['"on" is not "On"' in warnings[0], "collisionLatency" in warnings[1]] == [True, True]
-    assert ["NRequestsPerCycle" in warnings[2], "no parameter Foo" in warnings[3]] == [True, True]
+    assert ["NRequestsPerCycle" in warnings[2], 'Foo="1" means nothing' in warnings[3]] == [True, True]
     assert "counts as 0" in warnings[4]
 
 

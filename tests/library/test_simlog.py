@@ -109,9 +109,9 @@ def test_records_come_one_by_one_in_constant_memory(log_file: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "line", "problem"),
     [
-        (lambda text: text.replace('Time="3">', 'Time="x">', 1), 176, "LogInfo Time: 'x' is not an integer"),
-        (lambda text: text.replace("<Pos ", "<Place ", 1), 74, "element Pos is missing"),
-        (lambda text: text.replace("</LogInfo>", "</Info>", 1), 74, "mismatched tag"),
+        (lambda text: text.replace('Time="3">', 'Time="x">', 1), 143, "LogInfo Time: 'x' is not an integer"),
+        (lambda text: text.replace("<Pos ", "<Place ", 1), 41, "element Pos is missing"),
+        (lambda text: text.replace("</LogInfo>", "</Info>", 1), 74, "</LogInfo> of line 41 is due"),
         (lambda text: text + "<Log/>", None, "something follows the end"),
         (lambda text: "<Lab/>", 1, "begins with Lab"),
         (lambda text: "", 1, "has no Parameters"),

@@ -84,6 +84,11 @@ def rendered(*arguments, **options):
         return imread(path)
 
 
+def dark(picture):
+    """Number of pixels that are nearly black."""
+    return np.count_nonzero(picture[..., :3].max(axis=-1) < 0.3)
+
+
 def test_the_true_cell_and_the_walls_are_drawn():
     beliefs = np.full((1, 7, 14), 1 / 98)
     plain = rendered(beliefs)
@@ -94,7 +99,8 @@ def test_the_true_cell_and_the_walls_are_drawn():
     assert rows.size
     assert 0.3 < rows.mean() / len(plain) < 0.7
     assert columns.mean() / plain.shape[1] < 0.35
-    assert np.any(plain != walled, axis=-1).mean() > 0.005
+    # Walls are dark lines over the belief; with a lab the axes are larger, so the pictures are not compared.
+    assert dark(walled) > 1.2 * dark(plain)
 
 
 def test_ties_and_verdicts_are_told():

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from ciberrato.errors import UsageError
 from ciberrato.files.lab import default_lab, read_lab
 from ciberrato.files.simulator_log import read_simulator_log
 from ciberrato.files.start_grid import default_grid, read_grid
@@ -111,6 +112,59 @@ def test_a_port_in_use_says_so(capsys: pytest.CaptureFixture[str]) -> None:
             signal.signal(signal.SIGTERM, handler)
     err = capsys.readouterr().err
     assert err == f"ciberrato-simulator: cannot listen on udp 127.0.0.1:{port}: Address already in use\n"
+
+
+@pytest.mark.parametrize("text", ["", "1,1", "1,1,zero", "nan,1,0", "1;1;0", "5"])
+def test_poses_that_are_none_are_explained(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        assert main(["--port", "0", "--bind", "127.0.0.1", "--grid", text]) == 2
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+    err = capsys.readouterr().err
+    assert err == (
+        f"ciberrato-simulator: argument --grid: {text!r} is no file, and not X,Y,DIR[;X,Y,DIR...] "
+        "(units and degrees, a semicolon between robots); write for example 1,1,0\n"
+    )
+
+
+def told(*arguments: str) -> list[str]:
+    lines: list[str] = []
+    read_world(parse_arguments(arguments), lines.append)
+    return lines
+
+
+def test_what_is_odd_in_the_files_is_told_and_refused_if_asked(tmp_path: Path) -> None:
+    lab, grid, params = (tmp_path / name for name in ("lab.xml", "grid.xml", "params.xml"))
+    lab.write_text('<Lab Width="8" Heigth="4">\n<Row Pos="0" Pattern="     |     "/>\n</Lab>')
+    grid.write_text('<Grid>\n<Position X="4" Y="1"/>\n</Grid>')
+    params.write_text('<Parameters SimTime="9"\n MotorsNoise="1,5"/>')
+    words = ("--lab", str(lab), "--grid", str(grid), "--param", str(params))
+    starts = [line.removeprefix(f"{tmp_path}/").split(" and ")[0] for line in told(*words)]
+    assert starts == [
+        'params.xml:2: Parameters MotorsNoise="1,5" is not a number',
+        'lab.xml:1: Lab Heigth="4" means nothing',
+        "grid.xml:2: start 1 at (4, 1) is in a wall",
+    ]
+    with pytest.raises(UsageError, match="--strict: 3 warnings"):
+        told(*words, "--strict")
+
+
+def test_start_poses_in_place_are_looked_at_too(tmp_path: Path) -> None:
+    lab = tmp_path / "lab.xml"
+    lab.write_text('<Lab Name="small" Width="8" Height="4">\n<Row Pos="0" Pattern="     |     "/>\n</Lab>')
+    for poses, message in (
+        ("9,9,0", "--grid: start 1 at (9, 9) is outside the lab of 8 x 4 and the robot stands there"),
+        ("4,1,0", "--grid: start 1 at (4, 1) is in a wall and the robot is stuck in it"),
+        ("1,1,0;1.2,1,0", "--grid: start 2 at (1.2, 1) overlaps start 1 and two robots there collide"),
+    ):
+        assert told("--lab", str(lab), "--grid", poses) == [message]
+    assert told("--lab", str(lab), "--grid", "1,1,0;") == []
+    assert told("--lab", str(lab)) == [
+        "built-in start grid: start 1 at (9, 3) is outside the lab of 8 x 4 and the robot stands there"
+    ]
+    for name in ("standard", "maze", "corridors", "lines"):
+        assert told("--lab", name, "--grid", name) == []
 
 
 class Process:

@@ -39,12 +39,14 @@ LIBRARY = {
     "client": WORLD | {"files", "labs", "localization", "net", "protocol"},
     "croblink": {"client", "errors", "net", "protocol"},
     "localization": SHAPES | {"infrared", "processes", "protocol"},
+    "checks": SHAPES | {"files", "infrared", "labs", "localization"},
 }
 # The rooms behind the full-pose filter, each standing on those before it.
 LOCALIZATION = ("belief", "evidence", "tables", "refinement", "filtering", "live")
 # Applications stand on all of the library, and on one another only as said here.
 APPLICATIONS = {
     "viewer": set(),
+    "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
 }
 # The rooms of the two processes, likewise; both stand on all of the library.

@@ -42,4 +42,6 @@ def test_the_wheel_ships_the_packages_and_the_maps(tmp_path):
     assert {name for name in names if name.endswith(".py")} == programs
     maps = {name for name in names if name.startswith("ciberrato/maps/")}
     assert maps == {f"ciberrato/maps/{path.name}" for path in (ROOT / "maps").glob("*.xml")}
+    schemas = {name for name in names if name.endswith(".rng")}
+    assert schemas == {f"ciberrato/files/schemas/{kind}.rng" for kind in ("lab", "grid", "parameters")}
     assert "ciberrato/py.typed" in names

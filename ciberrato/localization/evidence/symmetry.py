@@ -77,19 +77,22 @@ def find_turns(lab: Lab, walls: WallMap, places: Floats, resolution: float) -> l
     list of Turn
         Without the turn by nothing.
     """
-    corners = walls.start
-    centres = {(lab.width / 2.0, lab.height / 2.0), tuple(np.round(corners.mean(axis=0), 2).tolist())}
     some = places[:: max(len(places) // _PLACES, 1)]
     turns: list[Turn] = []
-    for x, y in sorted(centres):
-        for angle in sorted({part / parts for parts in _PARTS for part in range(1, parts)}):
-            turn = Turn(x, y, 2.0 * math.pi * angle)
-            if _keeps_nodes(turn, resolution):
-                continue  # the filter treats both alike by itself
-            back = Turn(x, y, 2.0 * math.pi - turn.angle)
-            if _looks_the_same(turn, walls, some) or _looks_the_same(back, walls, some):
-                turns.append(turn)
+    for turn in possible_turns(lab, walls):
+        if _keeps_nodes(turn, resolution):
+            continue  # the filter treats both alike by itself
+        back = Turn(turn.x, turn.y, 2.0 * math.pi - turn.angle)
+        if any(share_alike(each, walls, some) >= _MUCH for each in (turn, back)):
+            turns.append(turn)
     return turns
+
+
+def possible_turns(lab: Lab, walls: WallMap) -> list[Turn]:
+    """List the turns that are worth looking at: about the lab's centre, and about that of its corners."""
+    centres = {(lab.width / 2.0, lab.height / 2.0), tuple(np.round(walls.start.mean(axis=0), 2).tolist())}
+    angles = sorted({part / parts for parts in _PARTS for part in range(1, parts)})
+    return [Turn(x, y, 2.0 * math.pi * angle) for x, y in sorted(centres) for angle in angles]
 
 
 def _keeps_nodes(turn: Turn, resolution: float) -> bool:
@@ -100,20 +103,37 @@ def _keeps_nodes(turn: Turn, resolution: float) -> bool:
     return bool(np.abs(steps - np.round(steps)).max() < 1e-6)
 
 
-def _looks_the_same(turn: Turn, walls: WallMap, places: Floats) -> bool:
+def share_alike(turn: Turn, walls: WallMap, places: Floats) -> float:
+    """Share of places from which a lab looks the same after a turn.
+
+    Parameters
+    ----------
+    turn : Turn
+    walls : WallMap
+        What reflects IR.
+    places : array, shape (n, 2)
+        Units.
+
+    Returns
+    -------
+    float
+        From 0 to 1; 0 where it is surely less than what matters to the filter.
+    """
     cosine, sine = math.cos(turn.angle), math.sin(turn.angle)
     moved = (places - (turn.x, turn.y)) @ np.array([[cosine, sine], [-sine, cosine]]) + (turn.x, turn.y)
     here, there = walls.distance(*places.T), walls.distance(*moved.T)
     alike = np.abs(here - there) < _EQUAL
     if alike.mean() < _MUCH:
-        return False
+        return 0.0
+    total = len(places)
     places, moved = places[alike], moved[alike]
     directions = np.arange(_DIRECTIONS) * (2.0 * math.pi / _DIRECTIONS) + 0.123
     seen = sensor_distances(walls, places[:, :1], places[:, 1:], directions)
     turned = sensor_distances(walls, moved[:, :1], moved[:, 1:], directions + turn.angle)
     # Corners just inside or outside the cone make single directions differ where corners are rounded.
-    same = (np.abs(seen - turned) < _EQUAL * (1.0 + seen)).mean(axis=1) > 0.8
-    return bool(same.sum() >= _MUCH * len(alike))
+    with np.errstate(invalid="ignore"):  # nothing seen from a place that is no place for a robot
+        same = (np.abs(seen - turned) < _EQUAL * (1.0 + seen)).mean(axis=1) > 0.8
+    return float(same.sum() / total)
 
 
 class PoseScore:

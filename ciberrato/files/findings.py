@@ -1,0 +1,81 @@
+"""What a check of a file finds: where, what is there, what is made of it, and what was probably meant."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+SEVERITIES = ("error", "warning", "note")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing in a file that its author should know of.
+
+    Attributes
+    ----------
+    severity : str
+        ``error``: the file cannot be used; ``warning``: something is not what it seems; ``note``: as written,
+        but good to know.
+    kind : str
+        A word or two for programs: ``unknown attribute``, ``not a number``, ``start in wall``, ...
+    source : str
+        The file's name.
+    line : int or None
+        Counted from 1.
+    found : str
+        What is there.
+    taken : str
+        What is made of it, beginning with a verb: ``counts as 0``. Empty where that goes without saying.
+    advice : str
+        What to do; empty where there is nothing.
+    instead : str or None
+        The nearest right name, or the value to write.
+    place : (float, float) or None
+        Where in the lab it is, in units.
+    """
+
+    severity: str
+    kind: str
+    source: str
+    line: int | None
+    found: str
+    taken: str = ""
+    advice: str = ""
+    instead: str | None = None
+    place: tuple[float, float] | None = None
+
+    @property
+    def text(self) -> str:
+        """What it says, without the place."""
+        text = f"{self.found} and {self.taken}" if self.taken else self.found
+        return f"{text}; {self.advice}" if self.advice else text
+
+    def __str__(self) -> str:
+        place = ":".join(str(part) for part in (self.source or None, self.line) if part is not None)
+        return f"{place}: {self.text}" if place else self.text
+
+
+def nearest_name(name: str, names: Iterable[str]) -> str | None:
+    """Find the right name that a wrong one was probably meant to be.
+
+    Parameters
+    ----------
+    name : str
+    names : iterable of str
+        The right ones.
+
+    Returns
+    -------
+    str or None
+        None if no right name is like it. Small and capital letters do not matter.
+    """
+    right = {candidate.lower(): candidate for candidate in names}
+    close = difflib.get_close_matches(name.lower(), right, n=1, cutoff=0.6)
+    return right[close[0]] if close else None
+
+
+def warnings_of(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Lines of the findings that are no notes, in their order."""
+    return tuple(str(finding) for finding in findings if finding.severity != "note")

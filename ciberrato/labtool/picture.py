@@ -1,0 +1,131 @@
+"""Pictures of labs, with start positions and with what a check found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from agent.views.figures.canvas import draw_walls, new_figure, save_figure, set_lab_axes
+from ciberrato.checks.files import Checked
+from ciberrato.errors import UsageError
+from ciberrato.files.lab import LabFile
+from ciberrato.files.start_grid import GridFile
+from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.world.lab import Lab
+from ciberrato.world.start_grid import StartGrid
+
+_COLOURS = {"error": "#d62728", "warning": "#d62728", "note": "#0072B2"}
+_MOST_LINES = 24
+_LONGEST = 130
+
+
+def draw_lab(lab: Lab, path: Path, grid: StartGrid | None = None) -> None:
+    """Draw a lab: walls, lines, beacons, targets, start positions.
+
+    Parameters
+    ----------
+    lab : Lab
+    path : Path
+        The ending chooses the format.
+    grid : StartGrid or None
+
+    Raises
+    ------
+    UsageError
+        If the figure cannot be written.
+    """
+    figure, axis = _figure(lab, 0.0)
+    _draw_things(axis, lab, grid)
+    axis.set_title(f"{lab.name}: {lab.width:g} x {lab.height:g} units", fontsize=10)
+    save_figure(figure, path)
+
+
+def draw_checked(checked: Sequence[Checked], path: Path) -> None:
+    """Draw the lab of a check, every finding that has a place marked by a number, and listed below.
+
+    Parameters
+    ----------
+    checked : sequence of Checked
+        With one lab among them; start grids are those of that lab.
+    path : Path
+
+    Raises
+    ------
+    UsageError
+        If there is no lab among them, or several; if the figure cannot be written.
+    """
+    labs = [one.contents.lab for one in checked if isinstance(one.contents, LabFile)]
+    if len(labs) != 1:
+        raise UsageError(f"--png: draws one lab, and there are {len(labs)} among the files that can be used")
+    (lab,) = labs
+    grids = [one.contents.grid for one in checked if isinstance(one.contents, GridFile)]
+    findings = [finding for one in checked for finding in one.findings]
+    lines = [_line(number, str(finding)) for number, finding in enumerate(findings, 1)][:_MOST_LINES]
+    if len(findings) > _MOST_LINES:
+        lines.append(f"... and {len(findings) - _MOST_LINES} more")
+    figure, axis = _figure(lab, 0.2 * len(lines))
+    positions = tuple(position for grid in grids for position in grid.positions)
+    _draw_things(axis, lab, StartGrid(positions=positions) if positions else None)
+    for number, finding in enumerate(findings, 1):
+        if finding.place is None:
+            continue
+        x = min(max(finding.place[0], 0.0), lab.width)
+        y = min(max(finding.place[1], 0.0), lab.height)
+        colour = _COLOURS[finding.severity]
+        axis.plot(
+            [x], [y], "o", markersize=13, markerfacecolor="white", color=colour, zorder=8, clip_on=False
+        )
+        axis.annotate(
+            str(number),
+            (x, y),
+            ha="center",
+            va="center",
+            fontsize=7,
+            color=colour,
+            zorder=9,
+            annotation_clip=False,
+        )
+    axis.set_title(f"{lab.name}: {len(findings)} finding{'s' * (len(findings) != 1)}", fontsize=10)
+    axis.set_xlabel("x in units\n" + "\n".join(lines), fontsize=7, loc="left")
+    save_figure(figure, path)
+
+
+def _figure(lab: Lab, more: float) -> tuple[Any, Any]:
+    width = 9.0
+    figure = new_figure(width, min(max(width * lab.height / lab.width, 1.5), 30.0) + 1.0 + more)
+    return figure, figure.subplots()
+
+
+def _line(number: int, text: str) -> str:
+    text = f"{number}  {text}"
+    return text.replace("$", r"\$") if len(text) <= _LONGEST else text[:_LONGEST].replace("$", r"\$") + "…"
+
+
+def _draw_things(axis: Any, lab: Lab, grid: StartGrid | None) -> None:
+    from matplotlib.patches import Circle
+
+    draw_walls(axis, lab, colour="0.4")
+    for number, target in enumerate(lab.targets):
+        axis.add_patch(
+            Circle((target.x, target.y), target.radius, facecolor="#d5ebf7", edgecolor="#56B4E9", zorder=1)
+        )
+        axis.annotate(
+            f"T{number}", (target.x, target.y - 0.45), ha="center", va="center", fontsize=7, zorder=5
+        )
+    for number, beacon in enumerate(lab.beacons):
+        axis.plot([beacon.x], [beacon.y], "*", color="#D55E00", markersize=9, zorder=4)
+        axis.annotate(
+            f"B{number}", (beacon.x, beacon.y + 0.5), ha="center", va="center", fontsize=7, zorder=5
+        )
+    for number, position in enumerate(() if grid is None else grid.positions, 1):
+        heading = math.radians(position.direction)
+        place = (position.x, position.y)
+        axis.add_patch(Circle(place, ROBOT_RADIUS, facecolor="none", edgecolor="#009E73", lw=1.2, zorder=6))
+        nose = [place[0] + ROBOT_RADIUS * math.cos(heading), place[1] + ROBOT_RADIUS * math.sin(heading)]
+        axis.plot([place[0], nose[0]], [place[1], nose[1]], color="#009E73", lw=1.2, zorder=6)
+        axis.annotate(str(number), place, ha="center", va="center", fontsize=7, color="#009E73", zorder=7)
+    set_lab_axes(axis, lab.width, lab.height)
+    axis.set_xlabel("x in units", fontsize=8)
+    axis.set_ylabel("y in units", fontsize=8)
