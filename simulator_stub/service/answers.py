@@ -124,9 +124,16 @@ class Answers:
             self.usual = self.fastest = delay
             return
         # Much faster than ever before: it may belong to the Measures before these.
-        self.in_doubt = self.in_doubt or delay < 0.5 * self.fastest
-        self.usual = max(delay, self.usual + FORGETTING * (delay - self.usual))
-        self.fastest = min(delay, self.fastest + FORGETTING * (delay - self.fastest))
+        if delay < 0.5 * self.fastest:
+            self.in_doubt = True
+        if delay > self.usual:
+            self.usual = delay
+        else:
+            self.usual += FORGETTING * (delay - self.usual)
+        if delay < self.fastest:
+            self.fastest = delay
+        else:
+            self.fastest += FORGETTING * (delay - self.fastest)
 
     def settle(self, *, companion_likely: bool, longest: float) -> float:
         """Compute how long it must be quiet until an answer counts as complete, where only time tells.

@@ -28,6 +28,7 @@ Measures.
 
 from __future__ import annotations
 
+import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -245,12 +246,15 @@ class Lockstep(Pace):
             wait = self._until_all_complete(awaited, now)
             if wait < INSTANT:
                 wait = 0.0
-                before = sum([client.arrived for client in awaited])
+                before = 0
                 for client in awaited:
+                    before += client.arrived
                     client.peer.acknowledge()
                 if not poll(0.0):
                     return False
-                if before == sum([client.arrived for client in awaited]) or now - began > self.limit:
+                for client in awaited:
+                    before -= client.arrived
+                if before == 0 or now - began > self.limit:
                     break
         self._take_stock(awaited, now - began, running=running)
         return True
@@ -307,6 +311,8 @@ class Lockstep(Pace):
                 return 0.0
             if activity is Activity.DOZES:
                 break
+            # It may wait for the processor that we are on: waking us has taken it from the client.
+            os.sched_yield()
         self._certain = False
         if process.gone:
             answers.process = None

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 FAREWELL = 1
 """Cycles after the end of a run, so that its robots see that both buttons are off."""
 
+_OUT = (RobotState.FINISHED, RobotState.REMOVED)
+
 
 class Runs:
     """Looks after each cycle whether the run is over.
@@ -62,7 +64,8 @@ class Runs:
         if simulation.state is not SimulatorState.RUNNING or not simulation.robots:
             return False
         clients = self._session.robots
-        return all(
-            robot.state in (RobotState.FINISHED, RobotState.REMOVED) or clients[robot.robot_id].peer.closed
-            for robot in simulation.robots
-        )
+        # A plain loop: this is asked after every cycle.
+        for robot in simulation.robots:  # noqa: SIM110
+            if not (robot.state in _OUT or clients[robot.robot_id].peer.closed):
+                return False
+        return True
