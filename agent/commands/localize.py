@@ -78,15 +78,22 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
     from ciberrato.files.run_log import read_run
 
     run = read_run(options.run)
-    if options.map is None:
-        raise UsageError(
-            f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold it"
-        )
-    lab, path, data = read_lab_file(options.map)
+    wanted = options.map
+    if wanted is None:
+        from ciberrato.labs import lab_with_hash
+
+        wanted = lab_with_hash(run.header.lab_sha256)
+        if wanted is None:
+            raise UsageError(
+                f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold it, "
+                "and no lab that ships has its SHA-256"
+            )
+    lab, path, data = read_lab_file(wanted)
     if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
-        Reporter().warn(
-            f"{options.run} was recorded in {run.header.lab_name}, whose contents differ from those of {path}"
-        )
+        differs = f"{options.run} was recorded with {run.header.lab_name}, whose contents differ from those of"
+        if not options.force:
+            raise UsageError(f"{differs} {path} (SHA-256): give the lab of that run, or --force")
+        Reporter().warn(f"{differs} {path}")
     return run, lab
 
 
@@ -99,7 +106,9 @@ def make_parser() -> OptionParser:
     )
     add = parser.add_argument
     add("run", type=Path, metavar="RUN", help="the log")
-    add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
+    add("-m", "--map", metavar="LAB", help="lab file or name; default: the simulator's log holds it, or a "
+        "lab that ships has the SHA-256 of the run's")
+    add("--force", action="store_true", help="use LAB though the run was recorded with another")
     add_output(parser)
     add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
     add_precision(parser, default=None)

@@ -189,6 +189,9 @@ class LiveMethod:
         """See `Method.report`."""
         if cycle.estimate is None or not self._live.show:
             return
+        from agent.offline.summary import cell_name
+        from ciberrato.localization.belief.estimate import cell_at
+
         x, y, heading, probability = cycle.estimate
         assert self._localizer is not None
         assert self._localizer.live.filter is not None
@@ -202,7 +205,7 @@ class LiveMethod:
         self._restarts = restarts
         if news or cycle.time % _LINE_EVERY == 0:
             self._reporter.say(
-                f"time {cycle.time}: cell row {math.floor(y / 2.0)} column {math.floor(x / 2.0)}, "
+                f"time {cycle.time}: cell {cell_name(cell_at(x, y))}, "
                 f"x {x:.2f} y {y:.2f} heading {round(heading)}, p {probability:.3f}, "
                 f"entropy {cycle.entropy:.1f} bits{self._others(probability)}{news}"
             )
