@@ -31,7 +31,7 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     Returns
     -------
     int
-        Exit status 0.
+        Exit status: 0, or 3 if the readings do not fit the lab.
 
     Raises
     ------
@@ -46,7 +46,14 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     recorded, lab = _read(options)
     if not recorded.steps:
         raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
-    from agent.offline.localization import expected_readings_of, print_localization, write_localization
+    from agent.offline.exit_status import WRONG_MAP
+    from agent.offline.localization import (
+        expected_readings_of,
+        fit_of,
+        print_localization,
+        write_localization,
+    )
+    from agent.offline.map_fit import wrong_map
 
     interrupts.arm()  # from here on a signal must not harm the file
     header = recorded.header
@@ -63,6 +70,9 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
         frames = animate_run(recorded, localization.beliefs, lab, options.animate)
         Reporter(quiet=options.quiet).say(f"animation: {options.animate}, {frames} frames")
+    if fit_of(recorded, tables).is_doubtful:
+        Reporter().warn(wrong_map(lab.name))
+        return WRONG_MAP
     return 0
 
 
@@ -90,7 +100,9 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
             )
     lab, path, data = read_lab_file(wanted)
     if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
-        differs = f"{options.run} was recorded with {run.header.lab_name}, whose contents differ from those of"
+        differs = (
+            f"{options.run} was recorded with {run.header.lab_name}, whose contents differ from those of"
+        )
         if not options.force:
             raise UsageError(f"{differs} {path} (SHA-256): give the lab of that run, or --force")
         Reporter().warn(f"{differs} {path}")
@@ -106,8 +118,13 @@ def make_parser() -> OptionParser:
     )
     add = parser.add_argument
     add("run", type=Path, metavar="RUN", help="the log")
-    add("-m", "--map", metavar="LAB", help="lab file or name; default: the simulator's log holds it, or a "
-        "lab that ships has the SHA-256 of the run's")
+    add(
+        "-m",
+        "--map",
+        metavar="LAB",
+        help="lab file or name; default: the simulator's log holds it, or a "
+        "lab that ships has the SHA-256 of the run's",
+    )
     add("--force", action="store_true", help="use LAB though the run was recorded with another")
     add_output(parser)
     add("--preset", choices=PRESETS, help="of the filter; default: that of the run")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from agent.offline.localizer import Localization, Preset, localize
+from agent.offline.map_fit import Fit, map_fit
 from ciberrato.files.beliefs import read_beliefs, write_beliefs
 
 if TYPE_CHECKING:
@@ -88,6 +89,22 @@ def write_localization(
     localization = localize_run(run, expected, preset=preset)
     write_beliefs(output, localization.beliefs, precision)
     return localization
+
+
+def fit_of(run: RecordedRun, expected: ExpectedReadings) -> Fit:
+    """Hold the recorded readings against the lab, whatever the preset.
+
+    Parameters
+    ----------
+    run : RecordedRun
+    expected : ExpectedReadings
+        For the lab and the sensor angles of the run.
+
+    Returns
+    -------
+    Fit
+    """
+    return map_fit([step.readings for step in run.steps], expected, run.header.parameters.obstacle_noise)
 
 
 def print_localization(localization: Localization, output: Path, stream: TextIO | None = None) -> None:

@@ -6,6 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from agent.drives.base import Decision
+from agent.drives.by_sensors import SensorDrive
 from agent.drives.exchange import Exchange
 from ciberrato.files.run_records import Cycle
 from ciberrato.physics.kinematics import STANDSTILL, Command
@@ -14,6 +15,7 @@ from ciberrato.protocol.messages import Actions, Measures
 if TYPE_CHECKING:
     from agent.drives.base import Drive
     from ciberrato.localization.pose_filter import PoseFilter
+    from ciberrato.world.coordinates import SensorAngles
     from ciberrato.world.parameters import Parameters
 
 
@@ -27,12 +29,23 @@ class DriveController:
     drive : Drive
     localizer : PoseFilter
         It has taken each message in before the controller does.
+    angles : tuple of float
+        Mounting angles of the IR sensors in degrees.
+    cruise : float
+        Motor command for driving straight on, in units a cycle.
     exit_when_finished : bool
         Whether the run is over when the drive has nothing more to do.
     """
 
     def __init__(
-        self, parameters: Parameters, drive: Drive, localizer: PoseFilter, *, exit_when_finished: bool = False
+        self,
+        parameters: Parameters,
+        drive: Drive,
+        localizer: PoseFilter,
+        *,
+        angles: SensorAngles,
+        cruise: float,
+        exit_when_finished: bool = False,
     ) -> None:
         self.exchange = Exchange(parameters)
         self.ended: str | None = None
@@ -41,6 +54,8 @@ class DriveController:
         """Why the drive has nothing more to do, as soon as that is so."""
         self._drive = drive
         self._localizer = localizer
+        # Until the filter has tables, and has caught up with what was driven without them.
+        self._first = SensorDrive(angles, parameters.obstacle_noise, cruise=cruise)
         self._exit_when_finished = exit_when_finished
         self._name = type(drive).__name__.removesuffix("Drive").lower()
 
@@ -82,9 +97,11 @@ class DriveController:
         self.exchange.sent(time)
 
     def _answer(self, measures: Measures) -> Actions:
-        grid = self._localizer.live.filter
-        if not measures.start or grid is None:
+        if not measures.start:
             return self.exchange.answer(STANDSTILL)
+        grid = self._localizer.live.filter
+        if grid is None or not self._localizer.live.is_ready:
+            return self._with_leds(self._first.decide(measures))
         decision = self._drive.decide(measures, grid)
         if decision.finished is not None:
             self.finished = decision.finished
