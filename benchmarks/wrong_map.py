@@ -1,8 +1,9 @@
 """How often the agent says that the lab is wrong: in runs with the right one, and in runs with another.
 
-``python -m benchmarks.wrong_map`` simulates drives to the right from cell centres, and holds each against its own lab and
-against another (the published method, `agent.offline.map_fit`). ``--live`` does so with the pose filter in the loop of
-``explore`` (`ciberrato.localization.evidence.map_fit`). Starts, labs, noise and sensors are drawn from the seed.
+``python -m benchmarks.wrong_map`` simulates drives to the right from cell centres, and holds each against its
+own lab and against another (the published method, `agent.offline.map_fit`). ``--live`` does so with the pose
+filter in the loop of ``explore`` (`ciberrato.localization.evidence.map_fit`). Starts, labs, noise and sensors
+are drawn from the seed.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ LONGEST = 600  # cycles of a drive to the right
 
 
 class Outcome(NamedTuple):
-    """What one run came to: its lab, the lab that it was told, the statistic, and whether that is an alarm."""
+    """What a run came to: its lab, the lab that it was told, the statistic, whether that is an alarm."""
 
     world: str
     told: str
@@ -123,7 +124,7 @@ def live(seed: int, cycles: int) -> list[Outcome]:
             measures = simulation.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
         fit = pose_filter.map_fit
         assert fit is not None
-        note = f"{claims} of {cycles} cycles claimed; doubted since {fit.since}; noise {parameters.motors_noise:g}"
+        note = f"{claims} of {cycles} cycles claimed; doubted since {fit.since}"
         outcomes.append(Outcome(world, told, fit.worst, fit.since is not None, note))
     return outcomes
 

@@ -95,8 +95,8 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
         wanted = lab_with_hash(run.header.lab_sha256)
         if wanted is None:
             raise UsageError(
-                f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold it, "
-                "and no lab that ships has its SHA-256"
+                f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold "
+                "it, and no lab that ships has its SHA-256"
             )
     lab, path, data = read_lab_file(wanted)
     if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:

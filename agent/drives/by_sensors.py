@@ -1,8 +1,8 @@
-"""Legs by the IR sensors alone: what a robot does while nothing is known of its pose, not even what the map says.
+"""Legs by the IR sensors alone: what a robot does while nothing is known, neither its pose nor the map.
 
-Straight on where nothing is near, away from what is beside, a turn in place towards the opener side before what
-is ahead. It needs no tables and no belief, draws no random numbers, and lets a filter that begins later make up
-for what was driven.
+Straight on where nothing is near, away from what is beside, a turn in place towards the opener side before
+what is ahead. It needs no tables and no belief, draws no random numbers, and lets a filter that begins later
+make up for what was driven.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Whether the readings of a recorded run fit the lab at all: the log evidence against what the model expects of it.
+"""Whether the readings of a recorded run fit the lab at all: log evidence against what the model expects.
 
-The filter runs on the exact model of `agent.offline.localizer` (`calibrated`), reading by reading. The surprise of
-a reading is the negative natural logarithm of its probability given all before it; the model itself says what
-surprise it expects and with which variance: the entropy of the prediction and that of its logarithm. In the right lab
-the surprises less their expectations are martingale differences, and their sum over the root of the variances has
-mean 0 and deviation 1, whatever lab and noise. In a wrong one it is large.
+The filter runs on the exact model of `agent.offline.localizer` (`calibrated`), reading by reading. The
+surprise of a reading is the negative natural logarithm of its probability given all before it; the model
+itself says what surprise it expects and with which variance: the entropy of the prediction and that of its
+logarithm. In the right lab the surprises less their expectations are martingale differences, and their sum
+over the root of the variances has mean 0 and deviation 1, whatever lab and noise. In a wrong one it is large.
 
-A reading that the model all but excludes (the robot was farther off the centre than it should be) counts as an
-outlier of small probability: one of them is no reason to doubt the lab.
+A reading that the model all but excludes (the robot was farther off the centre than it should be) counts as
+an outlier of small probability: one of them is no reason to doubt the lab.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from agent.offline.expected_readings import ExpectedReadings
 
 DOUBT = 7.0
-"""Deviations above the expected surprise at which the lab is called wrong; see `python -m benchmarks.wrong_map`."""
+"""Deviations above the expected surprise at which the lab is called wrong (`benchmarks.wrong_map`)."""
 _OUTLIER = 0.02
 _STEP = 0.1  # of the readings
 _FINE = 0.01  # expected readings are told apart to this

@@ -264,9 +264,7 @@ class LiveMethod:
         stop()
         begin = time.monotonic()
         if live.filter is None:
-            self._reporter.say(
-                "the lab's tables are not there yet; waiting for them, to weigh the run afterwards"
-            )
+            self._reporter.say("the lab's tables are not there yet; waiting for them to weigh the run")
         live.finish()
         assert self._tables is not None
         self._tables.stop()

@@ -1,14 +1,14 @@
 """Whether the readings fit the map at all: what no comparison of poses within one map can tell.
 
-A filter with a wrong map is soon certain of the pose that explains the readings least badly. So the readings are
-held against what they could be at best: the misfit of a reading is the natural logarithm of the likelihood that
-it has where the map explains it best, over the likelihood that it has under the belief before it. In the right
-map it is small whatever the noise; in a wrong one readings come that the belief leaves to the outliers of the
-sensor model, again and again.
+A filter with a wrong map is soon certain of the pose that explains the readings least badly. So the readings
+are held against what they could be at best: the misfit of a reading is the natural logarithm of the
+likelihood that it has where the map explains it best, over the likelihood that it has under the belief before
+it. In the right map it is small whatever the noise; in a wrong one readings come that the belief leaves to
+the outliers of the sensor model, again and again.
 
-Misfits above what is usual are summed up, and the sum is held at 0 from below: a one-sided CUSUM (Page, 1954) of
-the model's log evidence against its expectation (Thrun, Burgard, Fox, *Probabilistic Robotics*, section 6.3.4, on
-readings that a map does not hold).
+Misfits above what is usual are summed up, and the sum is held at 0 from below: a one-sided CUSUM (Page, 1954)
+of the model's log evidence against its expectation (Thrun, Burgard, Fox, *Probabilistic Robotics*, section
+6.3.4, on readings that a map does not hold).
 """
 
 from __future__ import annotations
