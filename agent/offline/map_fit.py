@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 DOUBT = 7.0
 """Deviations above the expected surprise at which the lab is called wrong (`benchmarks.wrong_map`)."""
 _OUTLIER = 0.02
+_STRAY, _BESIDE = 0.25, 0.15
+"""How often a robot is farther off the centre than its error at one crossing says, as errors last from cell
+to cell; and by how many units: a reading 1/distance is off by that times its square."""
+_LASTING = 0.8
+"""Share of a pose error that is the same at the next crossing."""
 _STEP = 0.1  # of the readings
 _FINE = 0.01  # expected readings are told apart to this
 _BLOCKED = 0.01
@@ -76,18 +81,24 @@ def map_fit(
     free = expected.free if expected.free.any() else np.ones(expected.free.shape, bool)
     prior = free / free.sum()
     motion = BlockedShift(openings=Openings(east=expected.east, north=expected.north), blocked="lose")
-    belief, surprise, variance, count = prior, 0.0, 0.0, 0
+    fresh = expected.weights[:, np.newaxis, np.newaxis]
+    errors = len(expected.weights)
+    # Of cells and pose errors at the crossing; the robot begins in a centre, without any.
+    weights = prior[np.newaxis]
+    surprise, variance, count = 0.0, 0.0, 0
     for step, reading in enumerate(np.array(readings, dtype=float)):  # None becomes nan
+        ideal = expected.readings[np.newaxis]
         if step > 0:
-            moved = motion.predict(belief, "east")
+            moved = np.array([motion.predict(each, "east") for each in weights])
             open_share = float(moved.sum())
             if open_share < _BLOCKED:
                 surprise += min(-math.log(max(open_share, 1e-9)), _MOST)
-            belief = moved / open_share if open_share > 1e-9 else prior
-        if step == 0 or expected.spread is None:
-            ideal, weights = expected.readings[np.newaxis], belief[np.newaxis]
-        else:
-            ideal, weights = expected.spread, expected.weights[:, np.newaxis, np.newaxis] * belief
+            moved = moved / open_share if open_share > 1e-9 else np.broadcast_to(prior / errors, moved.shape)
+            weights = moved.sum(axis=0) * fresh
+            if len(moved) == errors:
+                weights = _LASTING * moved + (1.0 - _LASTING) * weights
+            if expected.spread is not None:
+                ideal = expected.spread
         for sensor, value in enumerate(reading):
             if math.isnan(value):
                 continue
@@ -97,7 +108,6 @@ def map_fit(
             count += 1
             weights = weights * told.likelihood(value)
             weights = weights / weights.sum()
-        belief = weights.sum(axis=0)
     # The deviation of one exact reading may be all but 0; a reading is never more certain than this.
     return Fit(surprise / math.sqrt(variance + 0.25 * count) if count else 0.0, count)
 
@@ -116,9 +126,7 @@ class _Prediction:
             math.floor((lowest - 5.0 * noise) / _STEP) - 1, math.ceil((highest + 5.0 * noise) / _STEP) + 2
         )
         self._background = 1.0 / (len(steps) + 20)
-        masses = np.exp(
-            reading_log_likelihood(steps * _STEP, self._levels[used][:, np.newaxis], noise)
-        )  # (levels, readings)
+        masses = self._masses(steps * _STEP, self._levels[used][:, np.newaxis])  # (levels, readings)
         predicted = (1.0 - _OUTLIER) * (shares[used] / shares[used].sum()) @ masses
         predicted += _OUTLIER * self._background
         predicted /= predicted.sum()
@@ -127,14 +135,21 @@ class _Prediction:
         self.entropy = -float(predicted @ logs)
         self.variance = max(float(predicted @ logs**2) - self.entropy**2, 0.0)
 
+    def _masses(self, values: Floats | float, levels: Floats) -> Floats:
+        """Return the probability of readings where the ideal ones are known, but for a stray of the robot."""
+        beside = np.hypot(self._noise, _BESIDE * levels**2)
+        exact = np.exp(reading_log_likelihood(values, levels, self._noise))
+        wide = np.exp(reading_log_likelihood(values, levels, beside))
+        return np.asarray((1.0 - _STRAY) * exact + _STRAY * wide)
+
     def likelihood(self, value: float) -> Floats:
         """Return the likelihood of every state; shape of the ideal readings."""
-        exact = np.exp(reading_log_likelihood(value, self._levels, self._noise))
+        exact = self._masses(value, self._levels)
         return np.asarray(((1.0 - _OUTLIER) * exact + _OUTLIER * self._background)[self._level])
 
     def probability(self, value: float) -> float:
         """Return the probability of a reading."""
-        exact = np.exp(reading_log_likelihood(value, self._levels, self._noise))
+        exact = self._masses(value, self._levels)
         share = float(self._shares @ exact) / float(self._shares.sum())
         return (1.0 - _OUTLIER) * share + _OUTLIER * self._background
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from agent.drives.base import Decision
 from agent.drives.by_sensors import SensorDrive
 from agent.drives.exchange import Exchange
+from agent.drives.throttle import Throttle
 from ciberrato.files.run_records import Cycle
 from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
@@ -55,6 +56,7 @@ class DriveController:
         self._drive = drive
         self._localizer = localizer
         # Until the filter has tables, and has caught up with what was driven without them.
+        self._throttle = Throttle()
         self._first = SensorDrive(angles, parameters.obstacle_noise, cruise=cruise)
         self._exit_when_finished = exit_when_finished
         self._name = type(drive).__name__.removesuffix("Drive").lower()
@@ -70,7 +72,7 @@ class DriveController:
         newest : bool
             Whether no newer message is waiting: only the newest is answered.
         arrived : float or None
-            When it arrived; of no matter here.
+            When it arrived; see `Exchange.under_way`.
 
         Returns
         -------
@@ -89,20 +91,22 @@ class DriveController:
             self.ended = "the simulator has begun again"
         answered = newest and self.ended is None
         self.exchange.unanswered += not newest
-        actions = self._answer(measures) if answered else None
+        actions = self._answer(measures, self.exchange.under_way(arrived)) if answered else None
         return self._record(measures, self.exchange.command, answered), actions
 
     def sent(self, time: float) -> None:
         """Note when the last answer left; see `Exchange.sent`."""
         self.exchange.sent(time)
 
-    def _answer(self, measures: Measures) -> Actions:
+    def _answer(self, measures: Measures, under_way: int) -> Actions:
         if not measures.start:
             return self.exchange.answer(STANDSTILL)
         grid = self._localizer.live.filter
         if grid is None or not self._localizer.live.is_ready:
-            return self._with_leds(self._first.decide(measures))
-        decision = self._drive.decide(measures, grid)
+            decision = self._first.decide(measures)
+        else:
+            decision = self._drive.decide(measures, grid)
+        decision = self._throttle.slow(decision, measures.time, under_way)
         if decision.finished is not None:
             self.finished = decision.finished
             # Not before the answer that switches the LEDs on has come back.

@@ -133,6 +133,10 @@ class GridFilter:
         """What the wheels gave in the last cycle taken in, as far as the commands say."""
         return self.alignment.wheels
 
+    def command_before(self, time: int) -> Command | None:
+        """Return the motor command in effect before a message; None if that is not the newest taken in."""
+        return self.alignment.command if self.alignment.time == time else None
+
     def estimate(self) -> PoseEstimate:
         """Return the pose at the last message, with its probability."""
         if self._estimate is None:
