@@ -5,6 +5,10 @@ Each message is one line that says what is wrong, where, and what to do about it
 
 from __future__ import annotations
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
 
 class CiberratoError(Exception):
     """Base of every error that this project raises for what its users and peers do."""
@@ -37,3 +41,23 @@ class LabError(CiberratoError):
 
 class UsageError(CiberratoError):
     """The command line, or another argument, cannot be used as given."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'maze'?"`` for the end of a message, or nothing where no known name is near.
+
+    Parameters
+    ----------
+    name : str
+        What there is not.
+    known : iterable of str
+        What there is.
+
+    Returns
+    -------
+    str
+    """
+    import difflib  # needed after mistakes only
+
+    found = difflib.get_close_matches(name.lower(), list(known), 1, 0.6)
+    return f"; did you mean {found[0]!r}?" if found else ""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from ciberrato.errors import UsageError
+from ciberrato.errors import UsageError, did_you_mean
 
 _INSTALLED = Path(__file__).parent / "maps"
 _FOLDER = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[1] / "maps"
@@ -47,6 +47,27 @@ def find_parameters(name_or_path: str | Path) -> Path:
     return _find(name_or_path, "params", "parameter file")
 
 
+def lab_with_hash(sha256: str) -> Path | None:
+    """Find the lab that ships with these contents.
+
+    Parameters
+    ----------
+    sha256 : str
+        Of the file's bytes, in hexadecimal digits.
+
+    Returns
+    -------
+    Path or None
+        None if no lab that ships has them.
+    """
+    import hashlib
+
+    for path in sorted(_FOLDER.glob("*_lab.xml")):
+        if hashlib.sha256(path.read_bytes()).hexdigest() == sha256.lower():
+            return path
+    return None
+
+
 def names(kind: str) -> list[str]:
     """Names of what ships of one kind.
 
@@ -76,4 +97,5 @@ def _find(name_or_path: str | Path, kind: str, what: str) -> Path:
     listed = ", ".join(shipped)
     if os.path.isdir(text):
         raise UsageError(f"{text}: is a directory; give a {what} file, or one of these names: {listed}")
-    raise UsageError(f"{text!r} is neither a file nor a {what} that ships; these ship: {listed}")
+    meant = did_you_mean(name, shipped)
+    raise UsageError(f"{text!r} is neither a file nor a {what} that ships; these ship: {listed}{meant}")

@@ -67,9 +67,6 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     CiberratoError
         If a file, an option or a port cannot be used.
     """
-    if options.scoring not in SCORINGS:
-        known = ", ".join(str(mode) for mode in sorted(SCORINGS))
-        raise UsageError(f"argument --scoring: {options.scoring} is not a scoring mode; these are: {known}")
     lab, grid, parameters = read_world(options, notify)
     seed = secrets.randbits(32) if options.seed is None else options.seed
     simulation = Simulation(lab, grid, parameters, seed, options.scoring)

@@ -8,9 +8,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ciberrato.command_line import ProgramParser
+from ciberrato.errors import did_you_mean
 
 PROGRAM = "ciberrato-simulator"
 DEFAULT_ANSWER_LIMIT = 1.0
+SCORING_MODES = {
+    0: "competitive",
+    1: "control",
+    2: "mapping",
+    3: "planning",
+    4: "line-control",
+    5: "line-mapping",
+    6: "line-planning",
+    7: "line-control-45",
+}
+"""Name of each way of scoring, which is not loaded for this."""
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -44,7 +56,10 @@ def _parser() -> argparse.ArgumentParser:
         help="start grid, or the poses themselves: X,Y,DIR[;X,Y,DIR...] in units, degrees; default: 9,3,0",
     )
     world.add_argument("--param", metavar="FILE", help="parameters; default: the real simulator's")
-    world.add_argument("--scoring", type=int, default=0, metavar="N", help="scoring mode; default: 0")
+    modes = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
+    world.add_argument(
+        "--scoring", type=_scoring, default=0, metavar="MODE", help=f"by number or name: {modes}; default: 0"
+    )
     for name, what in (("gps", "a GPS"), ("beacon", "beacon sensors"), ("compass", "a compass")):
         world.add_argument(
             f"--{name}", action="store_true", help=f"give robots {what}, whatever the parameters say"
@@ -128,6 +143,18 @@ def _number(text: str, what: str, *, least: float, most: float) -> int:
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(f"{text!r} is not {what}")
     return value
+
+
+def _scoring(text: str) -> int:
+    """Read a scoring mode, by number or by name."""
+    numbers = {name: number for number, name in SCORING_MODES.items()}
+    numbers |= {str(number): number for number in SCORING_MODES}
+    name = text.lower().replace("_", "-")
+    if name not in numbers:
+        listed = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
+        meant = did_you_mean(name, SCORING_MODES.values())
+        raise argparse.ArgumentTypeError(f"{text!r} is not a scoring mode; these are: {listed}{meant}")
+    return numbers[name]
 
 
 def _port(text: str) -> int:

@@ -10,7 +10,7 @@ import importlib
 import os
 import sys
 
-from ciberrato.errors import CiberratoError
+from ciberrato.errors import CiberratoError, UsageError, did_you_mean
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -52,6 +52,11 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     name = words.pop(0) if words and words[0] in SUBCOMMANDS else DRIVE
     try:
+        if name == DRIVE and words and not words[0].startswith("-"):
+            # No option, so a subcommand was meant; the drive takes nothing but options.
+            listed = ", ".join(SUBCOMMANDS)
+            meant = did_you_mean(words[0], SUBCOMMANDS)
+            raise UsageError(f"there is no subcommand {words[0]!r}; there are {listed}{meant}")
         command = importlib.import_module(f"agent.commands.{name}")
         status: int = command.run(command.make_parser().parse_args(words), interrupts)
         sys.stdout.flush()

@@ -61,6 +61,9 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
 
     check_start(parse_start(options.start), settings.lab)
     drive, argument = options.drive
+    check = DRIVES[drive].check
+    if check is not None:
+        check(argument, settings.lab)
     live = LiveSettings(
         drive=drive,
         goal=argument,
@@ -118,7 +121,7 @@ def make_parser() -> OptionParser:
         + "".join(_line(f"{name} {words}", what) for name, (words, what) in SUBCOMMANDS.items()),
     )
     add = parser.add_argument
-    add("-h", "--host", default="127.0.0.1", metavar="HOST[:PORT]", help="default: this machine, port 6000")
+    add("-h", "--host", default="127.0.0.1", metavar="[HOST][:PORT]", help="default: this machine, port 6000")
     add(
         "-p",
         "--pos",

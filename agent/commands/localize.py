@@ -30,7 +30,7 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     Returns
     -------
     int
-        Exit status 0.
+        Exit status: 0, or 3 if the readings do not fit the lab.
 
     Raises
     ------
@@ -45,7 +45,14 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     recorded, lab = _read(options)
     if not recorded.steps:
         raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
-    from agent.offline.localization import expected_readings_of, print_localization, write_localization
+    from agent.offline.exit_status import WRONG_MAP
+    from agent.offline.localization import (
+        expected_readings_of,
+        fit_of,
+        print_localization,
+        write_localization,
+    )
+    from agent.offline.map_fit import wrong_map
 
     interrupts.arm()  # from here on a signal must not harm the file
     header = recorded.header
@@ -62,6 +69,9 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
         frames = animate_run(recorded, localization.beliefs, lab, options.animate)
         Reporter(quiet=options.quiet).say(f"animation: {options.animate}, {frames} frames")
+    if fit_of(recorded, tables).is_doubtful:
+        Reporter().warn(wrong_map(lab.name))
+        return WRONG_MAP
     return 0
 
 
@@ -77,15 +87,24 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
     from ciberrato.files.run_log import read_run
 
     run = read_run(options.run)
-    if options.map is None:
-        raise UsageError(
-            f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold it"
-        )
-    lab, path, data = read_lab_file(options.map, strict=options.strict)
+    wanted = options.map
+    if wanted is None:
+        from ciberrato.labs import lab_with_hash
+
+        wanted = lab_with_hash(run.header.lab_sha256)
+        if wanted is None:
+            raise UsageError(
+                f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold "
+                "it, and no lab that ships has its SHA-256"
+            )
+    lab, path, data = read_lab_file(wanted, strict=options.strict)
     if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
-        Reporter().warn(
-            f"{options.run} was recorded in {run.header.lab_name}, whose contents differ from those of {path}"
+        differs = (
+            f"{options.run} was recorded with {run.header.lab_name}, whose contents differ from those of"
         )
+        if not options.force:
+            raise UsageError(f"{differs} {path} (SHA-256): give the lab of that run, or --force")
+        Reporter().warn(f"{differs} {path}")
     return run, lab
 
 
@@ -98,7 +117,14 @@ def make_parser() -> OptionParser:
     )
     add = parser.add_argument
     add("run", type=Path, metavar="RUN", help="the log")
-    add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
+    add(
+        "-m",
+        "--map",
+        metavar="LAB",
+        help="lab file or name; default: the simulator's log holds it, or a "
+        "lab that ships has the SHA-256 of the run's",
+    )
+    add("--force", action="store_true", help="use LAB though the run was recorded with another")
     add_strict(parser)
     add_output(parser)
     add("--preset", choices=PRESETS, help="of the filter; default: that of the run")

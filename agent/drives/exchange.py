@@ -63,6 +63,16 @@ class Exchange:
         earlier = [command for time, command in self._sent if time < arrived]
         return earlier[-1] if earlier else None
 
+    def under_way(self, arrived: float | None) -> int:
+        """Count the newest answers that had not left when a message arrived: they act after its next cycle.
+
+        Parameters
+        ----------
+        arrived : float or None
+            See `command_in_effect`.
+        """
+        return 0 if arrived is None else sum(time >= arrived for time, _ in self._sent)
+
     def is_late(self, measures: Measures) -> bool:
         """Whether a newer message has come before this one."""
         return self.time is not None and measures.time < self.time

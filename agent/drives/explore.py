@@ -45,13 +45,17 @@ class ExploreDrive:
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self.note_visit(pose_filter)
-        # After a message that another answered, or that never came, the filter knows best.
-        unbroken = self._time is not None and measures.time == self._time + 1
+        # After messages that others answered or that never came, and late answers, the filter knows best.
+        unbroken = (
+            self._time is not None
+            and measures.time == self._time + 1
+            and pose_filter.command_before(measures.time) in (None, self._last)
+        )
         self._time = measures.time
         self._cells.observe(measures, pose_filter, self._last if unbroken else None)
         self._last = self._cells.decide(measures)
         if self._last is not None:
-            self._roamer.follow(measures, self._last)
+            self._roamer.follow(measures, pose_filter, self._last)
             return Decision(command=self._last)
         decision = self._roamer.decide(measures, pose_filter)
         self._last = decision.command

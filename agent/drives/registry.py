@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ciberrato.errors import did_you_mean
+
 if TYPE_CHECKING:
     from agent.drives.base import Drive
     from ciberrato.world.lab import Lab
@@ -27,12 +29,16 @@ class DriveKind(NamedTuple):
         takes nothing.
     form : str
         What the argument looks like.
+    check : callable or None
+        Raises UsageError if the argument, as it was read, cannot be in a lab: asked before the robot
+        registers.
     """
 
     home: str
     summary: str = ""
     argument: Callable[[str], Any] | None = None
     form: str = ""
+    check: Callable[[Any, Lab], None] | None = None
 
 
 def read_place(text: str) -> tuple[float, float]:
@@ -59,6 +65,13 @@ def read_place(text: str) -> tuple[float, float]:
     return x, y
 
 
+def check_goal(place: tuple[float, float], lab: Lab) -> None:
+    """Refuse a goal in which no robot can stand; see `DriveKind.check`."""
+    from ciberrato.localization.evidence.start_prior import check_place
+
+    check_place(f"goto:{place[0]:g},{place[1]:g}", place, lab)
+
+
 RIGHT = "right"
 """The published drive. The agent's controller does it by itself: it asks no pose filter."""
 
@@ -66,7 +79,7 @@ DRIVES = {
     RIGHT: DriveKind("agent.drives.right.controller", "default"),
     "explore": DriveKind("agent.drives.explore"),
     "active": DriveKind("agent.drives.active", "to where the pose shows, then stop"),
-    "goto": DriveKind("agent.drives.goto", argument=read_place, form="X,Y"),
+    "goto": DriveKind("agent.drives.goto", argument=read_place, form="X,Y", check=check_goal),
 }
 """By name. A new one is a new module and a line here."""
 
@@ -104,7 +117,8 @@ def parse_drive(text: str) -> tuple[str, Any]:
     except ValueError:
         pass
     *others, last = forms()
-    raise ValueError(f"{text!r} is not {', '.join(others)} or {last}")
+    meant = did_you_mean(name, DRIVES) if kind is None else ""
+    raise ValueError(f"{text!r} is not {', '.join(others)} or {last}{meant}")
 
 
 def make_drive(

@@ -40,6 +40,8 @@ _PROGRESS = 0.15
 _BARRED = math.radians(40.0)
 """To both sides of the direction of a failed leg, where no other is tried until the robot has moved on."""
 _MOST_FAILURES = 6
+_LONGEST_GAP = 100
+"""Cycles between two messages that are made up for; nothing is left of a leg that was so long without any."""
 _ALL_ROUND = np.deg2rad(np.arange(0.0, 360.0, 15.0))
 _BLIND_AFTER = 4
 """Failed legs in a row after which IR alone decides: where every way is risky, the belief is wrong."""
@@ -133,6 +135,7 @@ class Roamer:
         self._failures = 0
         self._wheels: Command = (0.0, 0.0)
         self._last: Command = (0.0, 0.0)
+        self._time: int | None = None
         self.legs: deque[tuple[float, float]] = deque(maxlen=16)
 
     @property
@@ -143,22 +146,23 @@ class Roamer:
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
-        self._dead_reckon()
+        self._dead_reckon(measures, pose_filter)
         command = self._next(measures, pose_filter)
         self._last = (round(command[0], 4), round(command[1], 4))
         return Decision(command=self._last)
 
-    def follow(self, measures: Measures, command: Command) -> None:
+    def follow(self, measures: Measures, pose_filter: GridFilter, command: Command) -> None:
         """Take in a message to which another has answered, and the answer.
 
         Parameters
         ----------
         measures : Measures
+        pose_filter : GridFilter
         command : (float, float)
         """
         self._bumper.observe(measures.infrared)
         self.phase = LegPhase.CHOOSING
-        self._dead_reckon()
+        self._dead_reckon(measures, pose_filter)
         self._barred.clear()
         self._last = command
 
@@ -172,8 +176,16 @@ class Roamer:
         self._last = (0.0, 0.0)
         self.phase = LegPhase.CHOOSING
 
-    def _dead_reckon(self) -> None:
-        self._wheels = filter_wheels(self._last, self._wheels)
+    def _dead_reckon(self, measures: Measures, pose_filter: GridFilter) -> None:
+        """Take in what the wheels did since the last message: by what was in effect, not by the answer."""
+        cycles = 1 if self._time is None else measures.time - self._time
+        self._time = measures.time
+        acted = pose_filter.command_before(measures.time)
+        for _ in range(min(max(cycles, 1), _LONGEST_GAP)):
+            self._move(self._last if acted is None else acted)
+
+    def _move(self, command: Command) -> None:
+        self._wheels = filter_wheels(command, self._wheels)
         left, right = self._wheels
         self._barred.turn(right - left)
         if self.phase is LegPhase.TURNING:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from agent.offline.localizer import Localization, Preset, localize
-from ciberrato.files.beliefs import write_beliefs
+from agent.offline.map_fit import Fit, map_fit
+from ciberrato.files.beliefs import read_beliefs, write_beliefs
 
 if TYPE_CHECKING:
     from agent.offline.expected_readings import ExpectedReadings
@@ -90,6 +91,22 @@ def write_localization(
     return localization
 
 
+def fit_of(run: RecordedRun, expected: ExpectedReadings) -> Fit:
+    """Hold the recorded readings against the lab, whatever the preset.
+
+    Parameters
+    ----------
+    run : RecordedRun
+    expected : ExpectedReadings
+        For the lab and the sensor angles of the run.
+
+    Returns
+    -------
+    Fit
+    """
+    return map_fit([step.readings for step in run.steps], expected, run.header.parameters.obstacle_noise)
+
+
 def print_localization(localization: Localization, output: Path, stream: TextIO | None = None) -> None:
     """Print the table of steps, what was remarkable about them, and where the file is.
 
@@ -104,8 +121,13 @@ def print_localization(localization: Localization, output: Path, stream: TextIO 
     from agent.offline.summary import step_table
 
     stream = sys.stdout if stream is None else stream
-    notes = [""] * len(localization.beliefs)
+    # As the file has them, rounded: then all who tabulate it later say the same.
+    (*_, written) = read_beliefs(output)
+    beliefs = written.beliefs
+    if len(beliefs) != len(localization.beliefs):  # a restart looks like the prior of another run
+        beliefs = localization.beliefs
+    notes = [""] * len(beliefs)
     for step in localization.recoveries:
         notes[step + 1] = "restarted: no cell was left possible"
-    print(step_table(localization.beliefs, notes=notes), file=stream)
+    print(step_table(beliefs, notes=notes), file=stream)
     print(f"written: {output} ({len(localization.beliefs)} blocks)", file=stream, flush=True)

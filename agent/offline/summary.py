@@ -1,6 +1,7 @@
 """What a belief says, in words: the table of steps and the heat map for the terminal.
 
-Cells are named by column and row counted from 0 at the lower left, and by their centre in units.
+Cells are named by their centre in units, as everywhere in what people read: (5, 7) is the cell of 2 x 2 units
+whose centre is at x = 5, y = 7.
 """
 
 from __future__ import annotations

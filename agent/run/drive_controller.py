@@ -6,7 +6,9 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from agent.drives.base import Decision
+from agent.drives.by_sensors import SensorDrive
 from agent.drives.exchange import Exchange
+from agent.drives.throttle import Throttle
 from ciberrato.files.run_records import Cycle
 from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
@@ -14,6 +16,7 @@ from ciberrato.protocol.messages import Actions, Measures
 if TYPE_CHECKING:
     from agent.drives.base import Drive
     from ciberrato.localization.pose_filter import PoseFilter
+    from ciberrato.world.coordinates import SensorAngles
     from ciberrato.world.parameters import Parameters
 
 
@@ -27,12 +30,23 @@ class DriveController:
     drive : Drive
     localizer : PoseFilter
         It has taken each message in before the controller does.
+    angles : tuple of float
+        Mounting angles of the IR sensors in degrees.
+    cruise : float
+        Motor command for driving straight on, in units a cycle.
     exit_when_finished : bool
         Whether the run is over when the drive has nothing more to do.
     """
 
     def __init__(
-        self, parameters: Parameters, drive: Drive, localizer: PoseFilter, *, exit_when_finished: bool = False
+        self,
+        parameters: Parameters,
+        drive: Drive,
+        localizer: PoseFilter,
+        *,
+        angles: SensorAngles,
+        cruise: float,
+        exit_when_finished: bool = False,
     ) -> None:
         self.exchange = Exchange(parameters)
         self.ended: str | None = None
@@ -41,6 +55,9 @@ class DriveController:
         """Why the drive has nothing more to do, as soon as that is so."""
         self._drive = drive
         self._localizer = localizer
+        # Until the filter has tables, and has caught up with what was driven without them.
+        self._throttle = Throttle()
+        self._first = SensorDrive(angles, parameters.obstacle_noise, cruise=cruise)
         self._exit_when_finished = exit_when_finished
         self._name = type(drive).__name__.removesuffix("Drive").lower()
 
@@ -55,7 +72,7 @@ class DriveController:
         newest : bool
             Whether no newer message is waiting: only the newest is answered.
         arrived : float or None
-            When it arrived; of no matter here.
+            When it arrived; see `Exchange.under_way`.
 
         Returns
         -------
@@ -74,18 +91,22 @@ class DriveController:
             self.ended = "the simulator has begun again"
         answered = newest and self.ended is None
         self.exchange.unanswered += not newest
-        actions = self._answer(measures) if answered else None
+        actions = self._answer(measures, self.exchange.under_way(arrived)) if answered else None
         return self._record(measures, self.exchange.command, answered), actions
 
     def sent(self, time: float) -> None:
         """Note when the last answer left; see `Exchange.sent`."""
         self.exchange.sent(time)
 
-    def _answer(self, measures: Measures) -> Actions:
-        grid = self._localizer.live.filter
-        if not measures.start or grid is None:
+    def _answer(self, measures: Measures, under_way: int) -> Actions:
+        if not measures.start:
             return self.exchange.answer(STANDSTILL)
-        decision = self._drive.decide(measures, grid)
+        grid = self._localizer.live.filter
+        if grid is None or not self._localizer.live.is_ready:
+            decision = self._first.decide(measures)
+        else:
+            decision = self._drive.decide(measures, grid)
+        decision = self._throttle.slow(decision, measures.time, under_way)
         if decision.finished is not None:
             self.finished = decision.finished
             # Not before the answer that switches the LEDs on has come back.

@@ -53,7 +53,14 @@ class LiveController:
         self.controller: Controller | DriveController = (
             Controller(header, exit_at_wall=exit_at_wall)
             if drive is None
-            else DriveController(header.parameters, drive, localizer, exit_when_finished=exit_when_finished)
+            else DriveController(
+                header.parameters,
+                drive,
+                localizer,
+                angles=header.sensor_angles,
+                cruise=header.cruise,
+                exit_when_finished=exit_when_finished,
+            )
         )
         self.cell_entered: tuple[int, int] | None = None
         """The cell that the last message found the robot to have entered, if it did."""
@@ -89,15 +96,16 @@ class LiveController:
     def sent(self, time: float) -> None:
         """See `Controller.sent`."""
         self.controller.sent(time)
-        statistics = self.localizer.live.statistics
-        if self._arrived is not None and statistics.ready is not None:
-            statistics.answers.append(1000.0 * (time - self._arrived))
+        if self._arrived is not None:
+            self.localizer.live.statistics.answers.append(1000.0 * (time - self._arrived))
 
     def _add_pose(self, cycle: Cycle, measures: Measures) -> Cycle:
         """Write the live estimate into the record; with a drive, a step is a cell known to be entered."""
-        found, grid = self.localizer.live.estimate(), self.localizer.live.filter
+        live = self.localizer.live
+        found, grid = live.estimate(), live.filter
         self.cell_entered = None
-        if found is None or grid is None:
+        if found is None or grid is None or not live.is_ready:
+            # What is not of now is no belief that anybody should be shown.
             return self._with_step(cycle, measures, entered=False)
         belief = grid.belief
         if belief.states <= _MANY or self._entropy is None or measures.time % _ENTROPY_EVERY == 0:
@@ -118,4 +126,5 @@ class LiveController:
         if not (first or (entered and self._crossings > 0)):
             return cycle
         step, self._crossings = self._crossings, self._crossings + 1
+        self.localizer.live.mark(measures.time)
         return dataclasses.replace(cycle, step=step, readings=measures.infrared)

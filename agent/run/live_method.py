@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from agent.offline.exit_status import WRONG_MAP
 from agent.run.published_method import PublishedMethod
 
 if TYPE_CHECKING:
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from agent.run.reporter import Reporter
     from agent.run.session import Settings
     from agent.run.signals import Interrupts
+    from ciberrato.arrays import Floats
     from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
+    from ciberrato.localization.live.live_filter import LiveFilter
     from ciberrato.localization.pose_filter import PoseFilter
     from ciberrato.localization.tables.worker import TableWorker
 
@@ -88,6 +91,8 @@ class LiveMethod:
         self._tables: TableWorker | None = None
         self._localizer: PoseFilter | None = None
         self._header: RunHeader | None = None
+        self._controller: LiveController | None = None
+        self._without_tables = self._doubted = False
         self._claimed = False
         self._restarts = 0
 
@@ -156,7 +161,7 @@ class LiveMethod:
             budget=math.inf if live.lockstep else None,
             tables=self._tables,
         )
-        return LiveController(
+        self._controller = LiveController(
             header,
             self._localizer,
             self._make_drive(header),
@@ -164,6 +169,7 @@ class LiveMethod:
             exit_when_finished=live.exit_when_finished,
             lockstep=live.lockstep,
         )
+        return self._controller
 
     def _make_drive(self, header: RunHeader) -> Drive | None:
         settings, live = self._settings, self._live
@@ -187,12 +193,23 @@ class LiveMethod:
 
     def report(self, cycle: Cycle) -> None:
         """See `Method.report`."""
+        assert self._localizer is not None
+        live = self._localizer.live
+        if live.doubtful_since is not None and not self._doubted:
+            self._doubted = True
+            self._reporter.warn(f"time {cycle.time}: {self._wrong_map()}")
+        if cycle.start and not live.is_ready and not self._without_tables:
+            self._without_tables = True
+            how = "waiting for them" if self._live.drive == "right" else "driving by the IR sensors alone"
+            self._reporter.say(f"time {cycle.time}: the lab's tables are not there yet, {how}; no belief yet")
         if cycle.estimate is None or not self._live.show:
             return
+        from agent.offline.summary import cell_name
+        from ciberrato.localization.belief.estimate import cell_at
+
         x, y, heading, probability = cycle.estimate
-        assert self._localizer is not None
-        assert self._localizer.live.filter is not None
-        restarts = len(self._localizer.live.filter.restarts)
+        assert live.filter is not None
+        restarts = len(live.filter.restarts)
         news = ""
         if restarts > self._restarts:
             news = "; the robot must have been moved, starting anew"
@@ -202,10 +219,28 @@ class LiveMethod:
         self._restarts = restarts
         if news or cycle.time % _LINE_EVERY == 0:
             self._reporter.say(
-                f"time {cycle.time}: cell row {math.floor(y / 2.0)} column {math.floor(x / 2.0)}, "
+                f"time {cycle.time}: cell {cell_name(cell_at(x, y))}, "
                 f"x {x:.2f} y {y:.2f} heading {round(heading)}, p {probability:.3f}, "
                 f"entropy {cycle.entropy:.1f} bits{self._others(probability)}{news}"
             )
+
+    def _wrong_map(self) -> str:
+        from agent.offline.map_fit import wrong_map
+
+        return wrong_map(self._settings.lab_file.name)
+
+    def _summary(self, live: LiveFilter) -> list[str]:
+        """Say how the filter kept up, as far as the user would see it."""
+        assert self._tables is not None
+        assert self._header is not None
+        assert self._controller is not None
+        exchange = self._controller.exchange
+        return live.statistics.lines(
+            self._tables,
+            cycle_time=self._header.parameters.cycle_time,
+            lost=exchange.lost,
+            unanswered=exchange.unanswered,
+        )
 
     def _others(self, probability: float) -> str:
         """Say what else the pose may be, if it is not certain."""
@@ -228,39 +263,53 @@ class LiveMethod:
         live = self._localizer.live
         stop()
         begin = time.monotonic()
+        if live.filter is None:
+            self._reporter.say("the lab's tables are not there yet; waiting for them to weigh the run")
         live.finish()
         assert self._tables is not None
         self._tables.stop()
-        for line in live.statistics.lines(self._tables):
+        for line in self._summary(live):
             self._reporter.say(line)
         if time.monotonic() - begin > 1.0:
             self._reporter.say(f"caught up in {time.monotonic() - begin:.1f} s")
         if self._live.drive == "right" and not self._live.smooth:
-            return self._published.finish(run, reason, stop)
-        return self._write_beliefs(reason)
+            status = self._published.finish(run, reason, stop)
+        else:
+            status = self._write_beliefs(reason)
+        if live.doubtful_since is None:
+            return status
+        self._reporter.warn(f"since time {live.doubtful_since} {self._wrong_map()}")
+        return status or WRONG_MAP
 
     def _write_beliefs(self, reason: str) -> int:
         from ciberrato.files.beliefs import write_beliefs
-        from ciberrato.localization.cell_beliefs import cell_beliefs
 
         assert self._localizer is not None
-        assert self._tables is not None
-        settings = self._settings
-        tables = self._tables.fine or self._tables.coarse
-        assert tables is not None
-        self._reporter.say(f"{reason}; finishing: writing {settings.output} (signals are ignored until then)")
-        assert self._header is not None
-        beliefs = cell_beliefs(
-            settings.lab,
-            tables,
-            self._header.parameters,
-            self._localizer.live.history,
-            start=self._live.start,
-            smooth=self._live.smooth,
+        live, settings = self._localizer.live, self._settings
+        how = f"smoothing {len(live.history)} messages, which may take a while, and " * self._live.smooth
+        self._reporter.say(
+            f"{reason}; finishing: {how}writing {settings.output} (signals are ignored until then)"
         )
+        beliefs = self._smoothed(live) if self._live.smooth else live.moments.blocks
         write_beliefs(settings.output, beliefs, settings.precision)
         self._reporter.say(f"{settings.output}: {len(beliefs)} blocks")
         return 0
+
+    def _smoothed(self, live: LiveFilter) -> Floats:
+        from ciberrato.localization.cell_beliefs import cell_beliefs
+
+        assert self._tables is not None
+        assert self._header is not None
+        tables = self._tables.fine or self._tables.coarse
+        assert tables is not None
+        return cell_beliefs(
+            self._settings.lab,
+            tables,
+            self._header.parameters,
+            live.history,
+            start=self._live.start,
+            smooth=True,
+        )
 
     def close(self) -> None:
         """See `Method.close`."""

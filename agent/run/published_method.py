@@ -84,12 +84,15 @@ class PublishedMethod:
         self._reporter.say(f"{reason}; finishing: writing {settings.output} (signals are ignored until then)")
         stop()
         assert self._worker is not None
-        from agent.offline.localization import print_localization, write_localization
+        from agent.offline.exit_status import WRONG_MAP
+        from agent.offline.localization import fit_of, print_localization, write_localization
+        from agent.offline.map_fit import wrong_map
 
         try:
+            expected = self._worker.result()
             localization = write_localization(
                 run,
-                self._worker.result(),
+                expected,
                 preset=settings.preset,
                 output=settings.output,
                 precision=settings.precision,
@@ -100,6 +103,9 @@ class PublishedMethod:
         stop()
         if not settings.quiet:
             print_localization(localization, settings.output)
+        if fit_of(run, expected).is_doubtful:
+            self._reporter.warn(wrong_map(settings.lab_file.name))
+            return WRONG_MAP
         return 0
 
     def close(self) -> None:

@@ -19,6 +19,11 @@ means being refused, or taking a second place."""
 
 LONGEST_WAIT = 5.0
 _REMINDER = 30.0
+_REFUSED = (
+    "the connection is refused, no simulator listens on TCP there (the real simulator speaks UDP only: "
+    "without --transport tcp)"
+)
+_PATIENCE = 2  # refused connections in a row; a simulator that is just starting refuses one
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +80,17 @@ def register(
     began = time.monotonic()
     end = math.inf if give_up_after is None else began + give_up_after
     wait, next_try, reminder = FIRST_WAIT, began, began + FIRST_WAIT
+    refusals = 0
     while not interrupts.received:
         now = time.monotonic()
         if now >= end:
-            raise UsageError(f"no simulator has answered at {place} in {give_up_after:g} s")
+            why = f": {_REFUSED}" if refusals else ""
+            raise UsageError(f"no simulator has answered at {place} in {give_up_after:g} s{why}")
         if now >= next_try:
             _attempt(link, data, reporter)
+            refusals = refusals + 1 if link.refused else 0
+            if refusals == _PATIENCE:
+                reporter.warn_once(f"{place}: {_REFUSED}; trying again")
             if when_sent is not None:
                 when_sent()
                 when_sent = None

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ciberrato.files.run_records import Cycle, DistanceModel, Preset, RecordedRun, RunHeader
     from ciberrato.world.lab import Lab
 
+_STOPPED_CYCLES = 5  # a simulator that starts by itself does so after one or two
 _SILENT_CYCLES = 3  # a simulator is not silent before it has missed so many cycles
 
 
@@ -322,7 +323,14 @@ class Session:
         if cycle.step is not None:
             readings = " ".join("-" if value is None else f"{value:g}" for value in cycle.readings or ())
             self._reporter.say(f"time {cycle.time}: step {cycle.step}, readings {readings}")
+        self._tell_of_start(cycle)
         self._method.report(cycle)
+
+    def _tell_of_start(self, cycle: Cycle) -> None:
+        """Say once that Start is not on yet; the very first messages of a run always say so."""
+        stopped = len(self._cycles) == _STOPPED_CYCLES and not any(c.start for c in self._cycles)
+        if stopped:
+            self._reporter.say(f"time {cycle.time}: waiting for Start (Ctrl-C ends this)")
 
     def _finish(self, link: Link, reason: str) -> int:
         """Let the method run its filter and write the file."""

@@ -65,8 +65,8 @@ def show_overlays(
             continue
         if expected is None:
             expected = expected_readings_of(run.header, lab)
-        live = run.cycles[-1].estimate is not None
-        if not live and run.steps and (beliefs is None or len(beliefs) != len(run.steps) + 1):
+        published = run.drives_right and run.cycles[-1].estimate is None
+        if published and run.steps and (beliefs is None or len(beliefs) != len(run.steps) + 1):
             beliefs = localize_run(run, expected).beliefs
             client.send(belief_overlay(run, beliefs))
         news = [cycle for cycle in run.cycles[shown:] if cycle.cells]

@@ -11,10 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+import numpy as np
+
 from agent.offline.localization import expected_readings_of, localize_run
-from agent.offline.summary import heat_map, step_table
+from agent.offline.summary import cell_name, heat_map, peak, step_table
 from agent.views.logfollower import Follower, LogFollower, SimulatorLogFollower, follow
+from ciberrato.arrays import Floats
 from ciberrato.files.run_records import Cycle, RecordedRun
+from ciberrato.localization.belief.estimate import cell_at
 from ciberrato.plaintext import plain
 
 if TYPE_CHECKING:
@@ -141,14 +145,35 @@ def screen(
         + ("" if true_pose is None else "   true pose ({:.2f}, {:.2f}) {:.1f}°".format(*true_pose)),
         "",
     ]
-    found = localize_run(run, expected)
-    table = step_table(found.beliefs).split("\n")
-    picture = heat_map(found.beliefs[-1], width=width, colour=colour).split("\n")
+    rows, columns, _ = expected.readings.shape
+    if run.drives_right:
+        beliefs = localize_run(run, expected).beliefs
+        table = step_table(beliefs).split("\n")
+    else:
+        shown = [cycle for cycle in run.cycles if cycle.cells]
+        if not shown:
+            return "\n".join(line[:width] for line in lines)
+        beliefs = _logged_belief(shown[-1], rows, columns)[np.newaxis]
+        table = [f"belief of the live filter at cycle {shown[-1].time}: {_peak_line(beliefs[0])}"]
+    picture = heat_map(beliefs[-1], width=width, colour=colour).split("\n")
     room = height - 1 - len(lines) - len(picture) - 2
-    rows = max(1, min(_TABLE_ROWS, room))
-    lines += [table[0], *table[1:][-rows:], "", *picture]
+    most = max(1, min(_TABLE_ROWS, room))
+    lines += [table[0], *table[1:][-most:], "", *picture]
     # A colour's escapes take no room; only the picture has them, and it fits by itself.
     return "\n".join(line if "\x1b" in line else line[:width] for line in lines)
+
+
+def _logged_belief(cycle: Cycle, rows: int, columns: int) -> Floats:
+    """Return the belief over cells that a live filter has logged; shape (rows, columns)."""
+    belief = np.zeros((rows, columns))
+    for row, column, probability in cycle.cells or ():
+        belief[row, column] = probability
+    return belief
+
+
+def _peak_line(belief: Floats) -> str:
+    best = peak(belief)
+    return f"cell {cell_name(best.cells[0])}, p {best.probability:.3f}"
 
 
 def _pose_line(cycle: Cycle) -> str:
@@ -156,6 +181,8 @@ def _pose_line(cycle: Cycle) -> str:
     if cycle.displacement is not None and cycle.lateral is not None and cycle.heading is not None:
         return f"way {cycle.displacement:.2f}  beside {cycle.lateral:+.2f}  heading {cycle.heading:+.1f}°"
     if cycle.estimate is None:
-        return "the pose filter has no tables yet"
+        return "nothing is known of the pose yet: the lab's tables are not there, or not caught up with"
     x, y, heading, probability = cycle.estimate
-    return f"x {x:.2f}  y {y:.2f}  heading {heading:+.1f}°  p {probability:.3f}"
+    return (
+        f"cell {cell_name(cell_at(x, y))}  x {x:.2f}  y {y:.2f}  heading {heading:+.1f}°  p {probability:.3f}"
+    )

@@ -201,6 +201,15 @@ class RecordedRun:
     cycles: tuple[Cycle, ...] = ()
 
     @property
+    def drives_right(self) -> bool:
+        """Whether the steps are cells of a row, read looking to the right: what the published method is for.
+
+        Other drives log no dead reckoning, and only the live pose filter knows where their readings were
+        taken.
+        """
+        return bool(self.cycles) and self.cycles[-1].displacement is not None
+
+    @property
     def inputs(self) -> tuple[tuple[Measures, tuple[float, float] | None], ...]:
         """Return every message with the motor command in effect before it, as a filter wants them."""
         commands = (None, *(cycle.command for cycle in self.cycles[:-1]))

@@ -6,17 +6,19 @@ import socket
 
 from ciberrato.errors import UsageError
 
+DEFAULT_HOST = "127.0.0.1"
+"""This machine."""
 DEFAULT_PORT = 6000
 """The simulator's main port, over UDP and TCP, unless it was told otherwise."""
 
 
 def parse_address(text: str, default_port: int = DEFAULT_PORT) -> tuple[str, int]:
-    """Split ``HOST[:PORT]``.
+    """Split ``HOST[:PORT]`` or ``:PORT``.
 
     Parameters
     ----------
     text : str
-        A host name or an IPv4 address, and a port unless it is the usual one.
+        A host name or an IPv4 address, and a port unless it is the usual one; without a host this machine.
     default_port : int
 
     Returns
@@ -36,8 +38,9 @@ def parse_address(text: str, default_port: int = DEFAULT_PORT) -> tuple[str, int
         raise UsageError(
             f"address {text!r}: more than one colon; use HOST or HOST:PORT, with IPv4 addresses only"
         )
+    host = host or DEFAULT_HOST * bool(port_text)
     if not host or any(character.isspace() for character in host):
-        raise UsageError(f"address {text!r}: the host is missing or has blanks; use HOST or HOST:PORT")
+        raise UsageError(f"address {text!r}: the host is missing or has blanks; use HOST, HOST:PORT or :PORT")
     if not colon:
         return host, default_port
     port = int(port_text) if port_text.isascii() and port_text.isdigit() and len(port_text) <= 5 else 0

@@ -37,6 +37,9 @@ class Link(Protocol):
     Nothing blocks but `receive` (and, over TCP, `register` while it connects). A link belongs to one thread.
     """
 
+    refused: bool
+    """Whether the machine has said at the last `register` that nobody listens there (TCP only)."""
+
     def register(self, data: bytes) -> None:
         """Send a registration to the main port.
 

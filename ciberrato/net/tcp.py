@@ -39,6 +39,7 @@ class TcpLink:
 
     def __init__(self, host: str, port: int) -> None:
         self._main = resolve(host, port)
+        self.refused = False
         self._socket = _placeholder()
         self._connected = False
         self._answered = False
@@ -144,9 +145,11 @@ class TcpLink:
 
     def _connect(self) -> socket.socket | None:
         """Open a connection; None if there is nobody."""
+        self.refused = False
         try:
             connection = socket.create_connection(self._main, timeout=_CONNECT_SECONDS)
-        except (ConnectionError, TimeoutError):
+        except (ConnectionError, TimeoutError) as error:
+            self.refused = isinstance(error, ConnectionRefusedError)
             return None
         except OSError as error:
             if error.errno == errno.EHOSTUNREACH:

@@ -43,6 +43,8 @@ class UdpLink:
         If there is no such host.
     """
 
+    refused = False
+
     def __init__(self, host: str, port: int) -> None:
         self._main = resolve(host, port)
         self._peer: tuple[str, int] | None = None

@@ -101,6 +101,7 @@ class Session:
         self._complaints = 0
         self._autostart = autostart
         self._autostarted = False
+        self._told_of_start = False
         self._closed = False
         self._notify = notify
         self._registrations: deque[tuple[Newcomer, bytes]] = deque()
@@ -216,6 +217,16 @@ class Session:
         self.robots = dict(sorted(self.robots.items()))
         peer.send(self._reply)
         self._notify(f"robot {robot_id}, {registration.name!r}, registered from {peer.label}")
+        self._tell_of_start()
+
+    def _tell_of_start(self) -> None:
+        """Say once what a robot that is there waits for."""
+        if self._told_of_start or self.simulation.state is not SimulatorState.STOPPED or self.start_is_due:
+            return
+        self._told_of_start = True
+        missing = 0 if self._autostarted else self._autostart - len(self.robots)
+        more = f"{missing} more robot{'s' * (missing > 1)}, or for " if missing > 0 else ""
+        self._notify(f"waiting for {more}Start (a viewer has the button; --autostart N starts with N robots)")
 
     def _refuse(self, peer: Peer, who: str) -> None:
         peer.send(encode(Refusal()))
@@ -290,7 +301,7 @@ class Session:
         self._panels = []
         self._complaints = 0
         self.robots = {}
-        self._autostarted = False
+        self._autostarted = self._told_of_start = False
         self.simulation.reset(seed)
         self._lab = encode(self.simulation.lab_shown())
         self._notify("reset")

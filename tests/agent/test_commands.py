@@ -38,7 +38,9 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     ("arguments", "complaint"),
     [
         (["--no-such-option"], "unrecognized arguments: --no-such-option (see ciberrato-agent --help)"),
-        (["run.jsonl"], "unrecognized arguments: run.jsonl"),
+        (["run.jsonl"], "there is no subcommand 'run.jsonl'; there are localize, inspect, draw, compare"),
+        (["inspekt", "x.out"], "did you mean 'inspect'?"),
+        (["lokalize"], "did you mean 'localize'?"),
         (["-h"], "argument -h/--host: expected one argument"),
         (["-h", "a:b:c"], "address 'a:b:c': more than one colon"),
         (["-h", "host:99999"], "port '99999' is not a number from 1 to 65535"),
@@ -47,6 +49,9 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["-p", "one"], "argument -p/--pos: 'one' is not a whole number"),
         (["-r", "x" * 300], "argument -r/--robname: a name has at most 200"),
         (["-m", "nowhere"], "'nowhere' is neither a file nor a lab that ships; these ship: corridors"),
+        (["-m", "standart"], "did you mean 'standard'?"),
+        (["-m", "coridors"], "did you mean 'corridors'?"),
+        (["-h", ":"], "address ':': the host is missing"),
         (["-m", "."], ".: is a directory"),
         (["--transport", "smoke"], "argument --transport: invalid choice: 'smoke'"),
         (["--preset", "best"], "argument --preset: invalid choice: 'best'"),
@@ -58,6 +63,9 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["--online", "--start", "1,2,3,4"], "argument --start: '1,2,3,4' is not anywhere"),
         (["--online", "--start", "40,2"], "start 40,2: outside the lab, which is 28 by 14 units"),
         (["--online", "--start", "1.9,3"], "start 1.9,3: less than a robot's radius from a wall"),
+        (["--drive", "goto:99,99"], "goto:99,99: outside the lab, which is 28 by 14 units"),
+        (["--drive", "goto:2,3"], "goto:2,3: less than a robot's radius from a wall"),
+        (["--drive", "exlpore"], "did you mean 'explore'?"),
         (["--cruise", "0"], "'0' is not a motor command"),
         (["--cruise", "0.16"], "'0.16' is not a motor command"),
         (["--cruise", "nan"], "'nan' is not a motor command"),
@@ -148,9 +156,9 @@ HEADER = RunHeader(
 
 def test_a_log_without_steps_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     RunWriter(Path("run.jsonl"), HEADER).close()
-    assert main(["localize", "run.jsonl", "-m", "maze"]) == 2
+    assert main(["localize", "run.jsonl", "-m", "maze", "--force"]) == 2
     errors = capsys.readouterr().err
-    assert "recorded in maze_lab.xml, whose contents differ" in errors
+    assert "recorded with maze_lab.xml, whose contents differ" in errors
     assert "no step was recorded" in errors
     assert not Path("localization.out").exists()
 
@@ -171,6 +179,39 @@ def test_localize_repeats_what_the_run_wrote(capsys: pytest.CaptureFixture[str])
     assert main(["localize", "run.jsonl", "-m", "standard", "-o", "again.out"]) == 0
     assert Path("again.out").read_bytes() == Path("localization.out").read_bytes()
     assert "most likely cell" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("recorded")
+def test_localize_finds_the_lab_by_what_it_holds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["localize", "run.jsonl", "-o", "again.out"]) == 0
+    assert Path("again.out").read_bytes() == Path("localization.out").read_bytes()
+    lines = Path("run.jsonl").read_text().splitlines()
+    header = json.loads(lines[0]) | {"lab_sha256": "0" * 64}
+    Path("other.jsonl").write_text("\n".join([json.dumps(header), *lines[1:]]) + "\n")
+    capsys.readouterr()
+    assert "-m LAB is needed: other.jsonl names its lab (standard_lab.xml)" in fails(
+        ["localize", "other.jsonl"], capsys
+    )
+
+
+@pytest.mark.usefixtures("recorded")
+def test_localize_refuses_another_lab(capsys: pytest.CaptureFixture[str]) -> None:
+    told = fails(["localize", "run.jsonl", "-m", "maze", "-o", "other.out"], capsys)
+    assert "was recorded with standard_lab.xml, whose contents differ" in told
+    assert "give the lab of that run, or --force" in told
+    assert not Path("other.out").exists()
+    assert main(["localize", "run.jsonl", "-m", "maze", "-o", "other.out", "--force"]) == 0
+    assert "whose contents differ" in capsys.readouterr().err
+    assert Path("other.out").exists()
+
+
+@pytest.mark.usefixtures("recorded")
+def test_all_tables_of_a_belief_file_agree(capsys: pytest.CaptureFixture[str]) -> None:
+    """What localize prints is what inspect reads in the file, rounding and all."""
+    assert main(["localize", "run.jsonl", "-o", "again.out", "--precision", "2"]) == 0
+    table = capsys.readouterr().out.splitlines()[:-1]
+    assert main(["inspect", "again.out"]) == 0
+    assert capsys.readouterr().out.splitlines()[1 : 1 + len(table)] == table
 
 
 @pytest.mark.usefixtures("recorded")

@@ -1,5 +1,6 @@
 """Registration: asks again, takes the first good answer, and says why not."""
 
+import socket
 import time
 from collections.abc import Iterator
 
@@ -22,6 +23,8 @@ MEASURES = encode(Measures(time=0))
 
 class Answers:
     """A link whose simulator answers the n-th registration with the n-th list of messages."""
+
+    refused = False
 
     def __init__(self, *answers: list[bytes] | LinkError) -> None:
         self.asked: list[bytes] = []
@@ -137,12 +140,35 @@ def test_a_signal_ends_the_wait(interrupts: Interrupts) -> None:
     assert ask(Interrupted(), interrupts) is None
 
 
-def test_nobody_listens_on_tcp_at_first(interrupts: Interrupts) -> None:
-    """A real TCP link to a port without a listener is asked again without complaint."""
-    link = TcpLink("127.0.0.1", 9)
-    with pytest.raises(UsageError, match="no simulator has answered"):
-        register(link, ROBOT, "here:9", interrupts, Reporter(), give_up_after=0.15)
-    link.close()
+@pytest.mark.parametrize("quiet", [False, True])
+def test_nobody_listens_on_tcp(
+    quiet: bool, interrupts: Interrupts, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A real TCP link to a port without a listener is asked again, and it is said why in vain."""
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))  # taken, but not listened at
+        link = TcpLink(*nobody.getsockname())
+        with pytest.raises(UsageError, match=r"no simulator has answered .*: the connection is refused"):
+            register(link, ROBOT, "here:9", interrupts, Reporter(quiet=quiet), give_up_after=0.15)
+        assert link.refused
+        link.close()
+    told = capsys.readouterr().err
+    assert told.count("here:9: the connection is refused, no simulator listens on TCP there") == 1
+    assert "the real simulator speaks UDP only" in told
+
+
+def test_one_refused_connection_is_no_news(
+    interrupts: Interrupts, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A simulator that is just starting."""
+
+    class Starting(Answers):
+        def register(self, data: bytes) -> None:
+            super().register(data)
+            self.refused = len(self.asked) == 1
+
+    assert ask(Starting([], [YES]), interrupts) is not None
+    assert "refused" not in capsys.readouterr().err
 
 
 def test_a_connection_that_breaks_while_waiting_is_waited_out(interrupts: Interrupts) -> None:

@@ -42,6 +42,8 @@ class ScriptedLink:
 
     def receive(self, timeout: float | None) -> bytes | None: ...
 
+    refused = False
+
     def receive_waiting(self) -> list[bytes]:
         if not self.script:
             raise LinkClosedError("the simulator has closed the connection")

@@ -34,9 +34,17 @@ def run_of(cells):
     for step, column in enumerate(cells):
         readings = tuple(float(value) for value in truth.readings[3, column].round(1))
         cycles.append(
-            Cycle(time=20 * step, infrared=readings, displacement=2.0 * step, step=step, readings=readings)
+            Cycle(
+                time=20 * step,
+                infrared=readings,
+                displacement=2.0 * step,
+                lateral=0.0,
+                heading=0.0,
+                step=step,
+                readings=readings,
+            )
         )
-    cycles.append(Cycle(time=20 * len(cells), displacement=2.0 * len(cells) - 1.0, heading=1.5))
+    cycles.append(Cycle(time=20 * len(cells), displacement=2.0 * len(cells) - 1.0, lateral=0.0, heading=1.5))
     return RecordedRun(HEADER, tuple(cycles)), truth
 
 

@@ -13,6 +13,7 @@ from ciberrato.net import DEFAULT_PORT, TcpLink, UdpLink, parse_address
         ("h:1", ("h", 1)),
         ("h:65535", ("h", 65535)),
         ("h:06000", ("h", 6000)),
+        (":7103", ("127.0.0.1", 7103)),
     ],
 )
 def test_host_and_port_are_split(text, expected):
@@ -30,7 +31,7 @@ def test_the_default_port_is_the_real_simulators_and_can_be_another():
     [
         "",
         " ",
-        ":6000",
+        ":",
         "h:",
         "h:0",
         "h:65536",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ciberrato.arrays import Floats
 from ciberrato.geometry.angles import short_turns
 from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE
 
 CLAIM_RADIUS = 0.5
@@ -49,8 +50,12 @@ class PoseEstimate:
 
     def moved_to(self, x: float, y: float, heading: float) -> PoseEstimate:
         """Give an estimate of another pose, with the same probability; the heading within ±π."""
-        cell = (math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE))
-        return PoseEstimate(x=x, y=y, heading=heading, probability=self.probability, cell=cell)
+        return PoseEstimate(x=x, y=y, heading=heading, probability=self.probability, cell=cell_at(x, y))
+
+
+def cell_at(x: float, y: float) -> Cell:
+    """Return the cell that a place in units is in: row (from the bottom) and column."""
+    return math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE)
 
 
 def estimate(belief: PoseBelief) -> PoseEstimate:
@@ -176,5 +181,5 @@ def _as_estimate(pose: tuple[float, float, float], probability: float) -> PoseEs
         y=y,
         heading=math.remainder(heading, 2.0 * math.pi),
         probability=probability,
-        cell=(math.floor(y / CELL_SIZE), math.floor(x / CELL_SIZE)),
+        cell=cell_at(x, y),
     )

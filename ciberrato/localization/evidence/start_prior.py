@@ -115,18 +115,33 @@ def check_start(prior: StartPrior, lab: Lab) -> None:
     ------
     UsageError
     """
-    if prior.place is None:
-        return
+    if prior.place is not None:
+        check_place(f"start {prior.place[0]:g},{prior.place[1]:g}", prior.place, lab)
+
+
+def check_place(name: str, place: tuple[float, float], lab: Lab) -> None:
+    """Refuse a place in which no robot can stand.
+
+    Parameters
+    ----------
+    name : str
+        What the user called it, for the message.
+    place : (float, float)
+        Units.
+    lab : Lab
+
+    Raises
+    ------
+    UsageError
+        If it is outside the lab, or nearer to a wall than a robot's radius (less 0.1 units).
+    """
     from ciberrato.geometry.walls import WallMap
 
-    x, y = prior.place
+    x, y = place
     if not (0.0 < x < lab.width and 0.0 < y < lab.height):
-        raise UsageError(
-            f"start {x:g},{y:g}: outside the lab, which is {lab.width:g} by {lab.height:g} units"
-        )
-    walls = WallMap.from_lab(lab)
-    if float(walls.distance(x, y)) < ROBOT_RADIUS - 0.1:
-        raise UsageError(f"start {x:g},{y:g}: less than a robot's radius from a wall")
+        raise UsageError(f"{name}: outside the lab, which is {lab.width:g} by {lab.height:g} units")
+    if float(WallMap.from_lab(lab).distance(x, y)) < ROBOT_RADIUS - 0.1:
+        raise UsageError(f"{name}: less than a robot's radius from a wall")
 
 
 def begin_with(belief: PoseBelief, prior: StartPrior) -> None:

@@ -69,6 +69,8 @@ class MessageAlignment:
         """What the wheels gave in the last cycle taken in, in units, as far as the commands say."""
         self.time: int | None = None
         """Of the last message, in simulated cycles."""
+        self.command: Command = (0.0, 0.0)
+        """In effect in the cycles before the last message."""
         self._ticks: deque[_Tick] = deque(maxlen=self.lag + 1)
         self._messages = 0
 
@@ -92,7 +94,7 @@ class MessageAlignment:
             The oldest one whose readings are all there; None in the first `lag` messages.
         """
         cycles = 0 if self.time is None else max(measures.time - self.time, 0)
-        self.time = measures.time
+        self.time, self.command = measures.time, command or (0.0, 0.0)
         self._messages += 1
         self._ticks.append(_Tick((command or (0.0, 0.0),) * cycles, measures))
         return self._oldest(measures.time) if self._messages > self.lag else None

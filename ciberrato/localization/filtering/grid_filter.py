@@ -19,6 +19,7 @@ from ciberrato.localization.belief.estimate import PoseEstimate, estimate, modes
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.evidence.beacons import BeaconSense
 from ciberrato.localization.evidence.gps import GpsSense
+from ciberrato.localization.evidence.map_fit import MapFit
 from ciberrato.localization.evidence.other_sensors import weigh_collision
 from ciberrato.localization.evidence.start_prior import StartPrior, begin_with, parse_start
 from ciberrato.localization.evidence.symmetry import SymmetryCheck
@@ -58,6 +59,8 @@ class GridFilter:
         Particles around the pose, while it is known.
     challenge : Challenge, optional
         Doubts about the belief, now and then.
+    map_fit : MapFit, optional
+        Doubts about the lab.
     """
 
     def __init__(
@@ -71,6 +74,7 @@ class GridFilter:
         fine: FineStage | None = None,
         refinement: Refinement | None = None,
         challenge: Challenge | None = None,
+        map_fit: MapFit | None = None,
     ) -> None:
         self.lab = lab
         self.parameters = parameters
@@ -82,6 +86,7 @@ class GridFilter:
         self.fine = fine
         self.refinement = refinement
         self.challenge = challenge
+        self.map_fit = map_fit
         self.alignment = MessageAlignment(parameters)
         self.alarm = Alarm()
         self.gps = GpsSense(parameters.gps_linear_noise, parameters.motors_noise) if parameters.gps else None
@@ -127,6 +132,10 @@ class GridFilter:
     def wheels(self) -> Command:
         """What the wheels gave in the last cycle taken in, as far as the commands say."""
         return self.alignment.wheels
+
+    def command_before(self, time: int) -> Command | None:
+        """Return the motor command in effect before a message; None if that is not the newest taken in."""
+        return self.alignment.command if self.alignment.time == time else None
 
     def estimate(self) -> PoseEstimate:
         """Return the pose at the last message, with its probability."""
@@ -204,6 +213,10 @@ class GridFilter:
                 self.restart(step.time)
             else:
                 self._judge(*told, step.time)
+        if self.map_fit is not None and step.motions and step.exponent > 0.0:
+            misfit = self.stage.misfit(step)
+            if misfit is not None:
+                self.map_fit.observe(misfit, step.exponent / self.stage.settings.exponent, step.time)
         self.update(step, on_node=on_node)
         if self.refinement is not None:
             self.refinement.follow(step, min(step.exponent / self.stage.settings.exponent, 1.0))

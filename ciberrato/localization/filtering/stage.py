@@ -24,6 +24,7 @@ from ciberrato.world.parameters import Parameters
 
 FEW = 4000
 """States of the coarse belief that the fine lattice takes over."""
+_LEAST = 1e-12
 
 
 class Stage:
@@ -114,6 +115,31 @@ class Stage:
         if not factors and by_bin is None and told is None:
             return None
         return belief.normalize(), elsewhere
+
+    def misfit(self, step: FilterStep) -> float | None:
+        """Return how badly the IR readings of a step fit the belief, before they are weighed.
+
+        Parameters
+        ----------
+        step : FilterStep
+
+        Returns
+        -------
+        float or None
+            Mean over the readings, see `ciberrato.localization.evidence.map_fit`; None without readings, and
+            of a belief over very many states, which anything fits.
+        """
+        belief = self.belief
+        if belief.dense is not None or belief.states > FEW:
+            return None
+        total, count = 0.0, 0
+        for sensor, reading in enumerate(step.infrared[: len(self.tables.sensors)]):
+            if reading is not None:
+                table = np.exp(self._codes.log_likelihood(reading))
+                codes = self.tables.view(sensor, belief.heading_offset)[belief.bin, belief.square]
+                total -= math.log(max(float(belief.weight @ table[codes]), _LEAST))
+                count += 1
+        return total / count if count else None
 
 
 class FineStage:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ciberrato.localization.evidence.map_fit import MapFit
 from ciberrato.localization.evidence.start_prior import StartPrior
 from ciberrato.localization.evidence.symmetry import PoseScore
 from ciberrato.localization.filtering.challenge import Challenge
@@ -70,4 +71,5 @@ def staged_filter(
         challenge=Challenge(
             challenger, PoseScore(lab, coarse.angles, *noises, beacon_sense(lab, parameters))
         ),
+        map_fit=MapFit(),
     )

@@ -18,6 +18,7 @@ from ciberrato.localization.evidence.start_prior import StartPrior
 from ciberrato.localization.filtering.alignment import dead_reckoned
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.filtering.staged_filter import staged_filter
+from ciberrato.localization.live.moments import CellMoments
 from ciberrato.localization.live.statistics import LiveStatistics
 from ciberrato.localization.records import FilterSettings, Input
 from ciberrato.localization.tables.worker import TableWorker
@@ -28,6 +29,7 @@ from ciberrato.world.parameters import Parameters
 
 _BUDGET = 0.5
 _POLL = 0.05  # seconds
+_CAUGHT_UP = 10  # messages that may wait when the filter has its say for the first time
 _AT_REST = 30  # messages without a command in a row; by then the wheels have long come to rest
 
 
@@ -76,11 +78,36 @@ class LiveFilter:
         self._taken = 0
         self._rested = 0
         self.statistics = LiveStatistics()
+        self.moments = CellMoments(lab)
+        """The beliefs over cells at the moments that `mark` has asked for."""
 
     @property
     def lag(self) -> int:
         """Messages that the filter has not taken in yet."""
         return len(self.history) - self._taken
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether what the filter says is of now: it has had tables, and caught up with what came before."""
+        return self.statistics.ready is not None
+
+    @property
+    def doubtful_since(self) -> int | None:
+        """Time (simulated cycles) since which the readings do not fit the lab; None: they do."""
+        fit = None if self.filter is None else self.filter.map_fit
+        return None if fit is None else fit.since
+
+    def mark(self, time: int) -> None:
+        """Have the belief over cells at a message kept in `moments`, as soon as it is taken in.
+
+        Parameters
+        ----------
+        time : int
+            Of the message observed last, in simulated cycles.
+        """
+        self.moments.mark(time)
+        if self.filter is not None and self.lag == 0:
+            self.moments.take(self.filter.belief, time)
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
         """Take in a message, and work off as much as the budget allows.
@@ -99,13 +126,16 @@ class LiveFilter:
             was_fine = self.filter.is_fine
             self._taken = self._feed(self.filter, self._taken, end)
             if self.statistics.ready is None:
-                if self.lag:  # still at what came before the tables
+                if self.lag > _CAUGHT_UP:  # still at what came before the tables
+                    self.statistics.waited += measures.start
                     return
                 self.statistics.ready = measures.time
             if self.filter.is_fine and not was_fine and self.statistics.fine is None:
                 self.statistics.fine = measures.time
             self.statistics.milliseconds.append(1000.0 * (self._clock() - begin))
             self.statistics.lags.append(self.lag)
+        else:
+            self.statistics.waited += measures.start
 
     def _remember(self, measures: Measures, command: Command | None) -> None:
         """Add a message to the history; of many at rest only the first few and the newest are kept."""
@@ -156,12 +186,15 @@ class LiveFilter:
             self.filter = staged_filter(
                 self.lab, coarse, fine, self._parameters, self._settings, start=self._start
             )
+            self.moments.begin(self.filter.belief)
         elif self.filter is not None and self.filter.fine is not None and self.filter.fine.tables is None:
             self.filter.fine.tables = fine
 
     def _feed(self, pose_filter: GridFilter, taken: int, end: float) -> int:
         while taken < len(self.history) and self._clock() < end:
-            pose_filter.observe(*self.history[taken])
+            measures, command = self.history[taken]
+            pose_filter.observe(measures, command)
+            self.moments.take(pose_filter.belief, measures.time)
             taken += 1
         return taken
 
