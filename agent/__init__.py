@@ -8,6 +8,5 @@ Its rooms, each of which imports only from those before it:
 - `agent.offline`: the filter over cells that runs after the drive
 - `agent.views`: runs and beliefs to look at
 - `agent.run`: link, clock, signals, threads and files around them
-
-Outside the rooms is the command line.
+- `agent.commands`: the command line, one file a subcommand
 """

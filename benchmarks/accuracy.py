@@ -20,14 +20,15 @@ import numpy as np
 
 from agent.drives.right.pilot import Pilot
 from agent.drives.right.tracker import CellTracker, Crossing
-from agent.offline.expected_readings import compute_ground_truth, standing_room
+from agent.offline.expected_readings import compute_expected_readings, standable_cells
 from agent.offline.localizer import PRESETS, localize
-from agent.offline.summary import Cell, peak
+from agent.offline.summary import peak
 from benchmarks.enumeration import enumerate_starts
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import read_parameters
 from ciberrato.labs import find_lab, find_parameters
 from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
@@ -53,7 +54,7 @@ class Drive:
 
 def random_start(lab: Lab, generator: np.random.Generator) -> GridPosition:
     """Draw a cell in which a robot can stand; heading 0."""
-    cells = np.argwhere(standing_room(lab))
+    cells = np.argwhere(standable_cells(lab))
     row, column = (int(value) for value in cells[generator.integers(len(cells))])
     return GridPosition(x=(column + 0.5) * CELL_SIZE, y=(row + 0.5) * CELL_SIZE)
 
@@ -84,7 +85,7 @@ def drive(lab: Lab, start: GridPosition, parameters: Parameters, seed: int | np.
             simulation.start()
         measures = simulation.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
     row, column = int(start.y // CELL_SIZE), int(start.x // CELL_SIZE)
-    east = compute_ground_truth(lab, ANGLES).east[row, column:]
+    east = compute_expected_readings(lab, ANGLES).east[row, column:]
     closed = np.flatnonzero(~east)
     expected = 1 + (int(closed[0]) if len(closed) else len(east))
     return Drive(tuple(crossings), tuple(truth), tuple(offsets), expected, collisions)
@@ -128,7 +129,7 @@ def judge(task: tuple[str, Parameters, int]) -> Outcome:
     lab_name, parameters, seed = task
     lab, generator = read_lab(find_lab(lab_name)), np.random.default_rng(seed)
     run = drive(lab, random_start(lab, generator), parameters, generator)
-    truth = compute_ground_truth(lab, ANGLES, parameters)
+    truth = compute_expected_readings(lab, ANGLES, parameters)
     readings = [crossing.readings for crossing in run.crossings]
     scores: dict[str, Score] = {}
     difference, recoveries = 0.0, 0

@@ -124,7 +124,7 @@ def grid_of(lab: str) -> str:
 
 
 def parse(said: str) -> Live:
-    """Read the lines of `ciberrato.localization.live_statistics`."""
+    """Read the lines of `ciberrato.localization.live.statistics`."""
     spread = rf"{_NUMBER} ms a cycle \(median\), {_NUMBER} ms \(99 %\), {_NUMBER} ms \(most\)"
     filtered = re.search(rf"filter \((\w+)\): {spread}; behind in (\d+) of", said)
     answers = re.search(rf"answers: {spread}", said)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from benchmarks.measure import Row, best_time
 from ciberrato.files.lab import read_lab
 from ciberrato.geometry.walls import WallMap
@@ -61,12 +61,12 @@ def end_rows() -> Iterator[Row]:
 
 
 def table_rows() -> Iterator[Row]:
-    """The ground truth of the standard lab: 392 readings, and those at 27 pose errors."""
-    group = "agent: ground truth of the standard lab"
+    """The expected readings of the standard lab: 392 readings, and those at 27 pose errors."""
+    group = "agent: expected readings of the standard lab"
     lab = read_lab(find_lab("standard"))
     readings = best_time(lambda: cell_readings(lab, ANGLES))
-    plain = best_time(lambda: compute_ground_truth(lab, ANGLES))
-    spread = best_time(lambda: compute_ground_truth(lab, ANGLES, Parameters()))
+    plain = best_time(lambda: compute_expected_readings(lab, ANGLES))
+    spread = best_time(lambda: compute_expected_readings(lab, ANGLES, Parameters()))
     yield Row(group=group, who="392 readings", seconds=readings, ours=True, reference=True, target=0.002)
     yield Row(group=group, who="and openings, free cells", seconds=plain, ours=True)
     yield Row(group=group, who="and 27 x 392 at pose errors", seconds=spread, ours=True, target=0.060)

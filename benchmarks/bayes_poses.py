@@ -105,12 +105,12 @@ def course_grid() -> Iterator[Row]:
     )
     yield Row(
         group=UNIFORM,
-        who="ours, end-pose density, new control",
+        who="ours, right in mean and variance, new control",
         ours=True,
         target=1e-3,
         seconds=best_time(lambda: exact.predict(uniform, CONTROL)),
         megabytes=4.6,
-        note="both ways, kernels normalized",
+        note="three passes with exact moments",
     )
     peaked = SPACE.point_mass((0.1, 0.1, 0.5))
     for _ in range(2):

@@ -11,21 +11,20 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.offline.expected_readings import GroundTruth
+from agent.offline.expected_readings import ExpectedReadings
+from ciberrato.arrays import Floats
 
-Array = NDArray[np.float64]
 Reading = Sequence[float | None]
 
 
 def enumerate_starts(
-    readings: Sequence[Reading], truth: GroundTruth, *, preset: str, sigma: float
-) -> list[Array | None]:
+    readings: Sequence[Reading], expected: ExpectedReadings, *, preset: str, sigma: float
+) -> list[Floats | None]:
     """Give the posterior after each step; None where no start cell is possible."""
-    rows, columns = truth.free.shape
-    free, east = truth.free.tolist(), truth.east.tolist()
-    posteriors: list[Array | None] = []
+    rows, columns = expected.free.shape
+    free, east = expected.free.tolist(), expected.east.tolist()
+    posteriors: list[Floats | None] = []
     weights: dict[tuple[int, int], float] = {}
     for last, reading in enumerate(readings):
         posterior = np.zeros((rows, columns))
@@ -39,7 +38,7 @@ def enumerate_starts(
                     if column >= columns or (preset == "calibrated" and not east[row][column - 1]):
                         log_weight = -math.inf
                 if log_weight > -math.inf:
-                    log_weight += _log_likelihood(preset, truth, last, (row, column), reading, sigma)
+                    log_weight += _log_likelihood(preset, expected, last, (row, column), reading, sigma)
                 weights[row, start] = log_weight
         best = max(weights.values())
         if best == -math.inf:
@@ -54,16 +53,16 @@ def enumerate_starts(
 
 
 def _log_likelihood(
-    preset: str, truth: GroundTruth, step: int, cell: tuple[int, int], reading: Reading, sigma: float
+    preset: str, expected: ExpectedReadings, step: int, cell: tuple[int, int], reading: Reading, sigma: float
 ) -> float:
     seen = [(index, value) for index, value in enumerate(reading) if value is not None]
     if preset == "seed":
-        ideal = truth.readings[cell]
+        ideal = expected.readings[cell]
         return -math.fsum((value - ideal[index]) ** 2 for index, value in seen) / (2 * 0.1)
-    if step == 0 or truth.spread is None:
-        candidates = [(1.0, truth.readings[cell])]
+    if step == 0 or expected.spread is None:
+        candidates = [(1.0, expected.readings[cell])]
     else:
-        candidates = [(float(w), truth.spread[k][cell]) for k, w in enumerate(truth.weights)]
+        candidates = [(float(w), expected.spread[k][cell]) for k, w in enumerate(expected.weights)]
     total = sum(
         w * math.prod(rounded_probability(value, float(ideal[index]), sigma) for index, value in seen)
         for w, ideal in candidates

@@ -18,11 +18,13 @@ from ciberrato.version import __version__
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from ciberrato.client import Robot
     from ciberrato.errors import CiberratoError, LabError, ProtocolError, UsageError
     from ciberrato.files.lab import read_lab
     from ciberrato.files.parameters import read_parameters
     from ciberrato.files.start_grid import read_grid
     from ciberrato.labs import find_grid, find_lab, find_parameters
+    from ciberrato.localization.pose_filter import PoseFilter
     from ciberrato.world.lab import Lab
     from ciberrato.world.parameters import Parameters
     from ciberrato.world.start_grid import StartGrid
@@ -32,7 +34,9 @@ _HOMES = {
     "Lab": "ciberrato.world.lab",
     "LabError": "ciberrato.errors",
     "Parameters": "ciberrato.world.parameters",
+    "PoseFilter": "ciberrato.localization.pose_filter",
     "ProtocolError": "ciberrato.errors",
+    "Robot": "ciberrato.client",
     "StartGrid": "ciberrato.world.start_grid",
     "UsageError": "ciberrato.errors",
     "find_grid": "ciberrato.labs",
@@ -48,7 +52,9 @@ __all__ = [
     "Lab",
     "LabError",
     "Parameters",
+    "PoseFilter",
     "ProtocolError",
+    "Robot",
     "StartGrid",
     "UsageError",
     "__version__",

@@ -14,6 +14,7 @@ from pathlib import Path
 from agent.cli import main as agent
 from ciberrato.errors import UsageError
 from examples.demo import demonstrate
+from examples.viewer_figures import shrink
 
 ANIMATION_FRAME = 34
 """Which frame of the animation is shown as a picture: one with the robot on its way."""
@@ -81,6 +82,8 @@ def draw_all(run: Path, target: Path) -> None:
     with Image.open(run / "run.gif") as animation:
         animation.seek(min(ANIMATION_FRAME, getattr(animation, "n_frames", 1) - 1))
         animation.convert("RGB").save(target / "agent-animation.png")
+    for picture in sorted(target.glob("agent-*.png")):
+        shrink(picture)
 
 
 if __name__ == "__main__":

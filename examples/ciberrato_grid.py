@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from agent.views.figures.canvas import label_outer, set_lab_axes, set_title
+from agent.views.figures.panelchoice import telling_blocks
 from ciberrato.bayes import entropy_bits, most_likely_cell
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.filtering import update
@@ -58,7 +60,7 @@ def solve(seed: int) -> Run:
     cells = tuple((START[0], START[1] + k) for k in range(CELLS_ENTERED + 1))
     noisy = np.array([ideal[cell] for cell in cells]) + NOISE * rng.standard_normal((len(cells), sensors))
     readings = np.asarray(round_reading(noisy), dtype=float)
-    sensor = GaussianSensor(sigma=math.sqrt(0.1), normalized=False)
+    sensor = GaussianSensor(sigma=math.sqrt(0.1), normalized=False, signed=True)
     motion = Shift(edges=("lose", "lose"))
     beliefs = [np.full((rows, columns), 1.0 / (rows * columns))]
     for step, reading in enumerate(readings):
@@ -80,21 +82,32 @@ def run(output: Path, seed: int) -> list[Path]:
 
 
 def _draw(result: Run, path: Path) -> Path:
-    figure, axes = panels(5, 3, (13, 11.5), sharex=True, sharey=True)
-    names = ["prior", "start cell", *(f"cell {k} entered" for k in range(1, CELLS_ENTERED + 1))]
-    for k, axis in enumerate(axes.flat):
-        if k >= len(names):
-            axis.set_visible(False)
-            continue
+    true_cells = [None, *result.true_cells]
+    choice = telling_blocks(result.beliefs, true_cells)
+    across = 3
+    down = math.ceil(len(choice.blocks) / across)
+    from matplotlib.colors import PowerNorm
+
+    figure, axes = panels(down, across, (14, 2.6 * down + 1.0), layout="compressed")
+    names = ["prior", "step 0, start cell", *(f"step {k}" for k in range(1, CELLS_ENTERED + 1))]
+    for axis in axes.flat[len(choice.blocks) :]:
+        axis.set_visible(False)
+    for axis, k in zip(axes.flat, choice.blocks, strict=False):
         belief = result.beliefs[k]
-        top = max(float(belief.max()), 0.05)
-        axis.imshow(belief, origin="lower", extent=(0, 28, 0, 14), cmap="Greys", vmin=0.0, vmax=top)
+        image = axis.imshow(
+            belief, origin="lower", extent=(0, 28, 0, 14), cmap="Greys", norm=PowerNorm(0.5, 0.0, 1.0)
+        )
         _draw_walls(axis)
-        if k:
-            row, column = result.true_cells[k - 1]
-            axis.plot(2 * column + 1, 2 * row + 1, "o", mfc="none", mec="tab:red", ms=9)
-        axis.set_title(f"{names[k]}: black = {top:.3f}, {entropy_bits(belief):.2f} bits", fontsize=9)
-    figure.suptitle("The published method on the standard lab, from (5, 7); red: true cell")
+        true = true_cells[k]
+        if true is not None:
+            axis.plot(2 * true[1] + 1, 2 * true[0] + 1, "o", mfc="none", mec="tab:red", mew=1.8, ms=9)
+        set_lab_axes(axis, 28.0, 14.0)
+        axis.set_title(f"{names[k]}: p = {belief.max():.3f}, {entropy_bits(belief):.2f} bits", fontsize=10)
+    label_outer(axes, len(choice.blocks))
+    bar = figure.colorbar(image, ax=axes, fraction=0.03, pad=0.015, label="probability of the cell")
+    bar.set_ticks([0, 0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 1])
+    title = "The published method on the standard lab, from (5, 7); red ring: true cell"
+    set_title(figure, title, size=11, note=choice.note)
     return save(figure, path)
 
 

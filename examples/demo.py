@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import IO
 
 from agent.offline.summary import step_table
-from agent.offline.truth_file import read_truth, true_cells
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.lab import read_lab
 from ciberrato.files.run_log import read_run
+from ciberrato.files.truth import read_truth, true_cells
 from ciberrato.labs import find_lab
 
 LAB = "standard"
@@ -88,7 +88,17 @@ def demonstrate(folder: Path, seed: int) -> int:
     for path in (output, log, truth, folder / "belief.png"):
         path.unlink(missing_ok=True)  # what is there afterwards is from this run
     simulator_words = ["--lab", LAB, "--grid", LAB, "--seed", str(seed), "--port", "0"]
-    simulator_words += ["--autostart", "1", "--lockstep", "--speed", "20", "--truth", str(truth)]
+    simulator_words += [
+        "--autostart",
+        "1",
+        "--lockstep",
+        "--answer-limit",
+        "inf",
+        "--speed",
+        "20",
+        "--truth",
+        str(truth),
+    ]
     simulator_words += ["--bind", "127.0.0.1"]
     with running("simulator_stub", simulator_words) as simulator:
         port = announced_port(simulator)

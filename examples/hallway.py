@@ -144,30 +144,32 @@ def run(output: Path, seed: int) -> list[Path]:
 
 
 def _draw_models(path: Drive, target: Path) -> Path:
-    figure, axes = panels(2, 4, (17, 8))
+    figure, axes = panels(2, 4, (17, 7.6))
     seen = np.exp(DETECTOR.log_likelihood(True, SPACE.axes[0]))
     axes[0, 0].plot(CENTRES, seen)
-    axes[0, 0].set(title="measurement model p(door | x)", xlabel="x / cm")
+    axes[0, 0].set(title="measurement model", xlabel="x / cm", ylabel="p(door | x)")
     for k in range(5):
         axis = axes.flat[1 + k]
         image = axis.imshow(motion_matrix(float(path.odometry[k])), extent=(0, 850, 850, 0), cmap="magma")
         axis.set(
             title=f"p(x | u = {path.odometry[k]:.1f} cm, x before)", xlabel="x / cm", ylabel="x before / cm"
         )
-        figure.colorbar(image, ax=axis, fraction=0.04)
+        figure.colorbar(image, ax=axis, fraction=0.04, label="probability of the 5 cm cell")
     belief = SPACE.uniform()
     for repeat in range(1, 6):
         belief, _ = update(belief, np.log(seen))
         if repeat in (1, 2, 5):
-            axes[1, 2].plot(CENTRES, belief, label=f"{repeat}")
-    axes[1, 2].legend(title="readings")
+            axes[1, 2].plot(CENTRES, belief, label=f"{repeat} reading{'s' * (repeat > 1)}")
     axes[1, 2].set(title="updates alone: mass piles up at the doors", xlabel="x / cm")
-    axes[1, 3].set_visible(False)
+    axes[1, 2].set_ylabel("probability of the 5 cm cell")
+    # The place that is left is the legend's.
+    axes[1, 3].set_axis_off()
+    axes[1, 3].legend(*axes[1, 2].get_legend_handles_labels(), title="after", loc="center left", fontsize=11)
     return save(figure, target)
 
 
 def _draw_run(path: Drive, good: Filtered, readings: IntArray, target: Path) -> Path:
-    figure, axes = panels(2, 3, (16, 8), sharex=True)
+    figure, axes = panels(2, 3, (16, 8))
     first, second, third = (int(t) for t in readings[:3])
     between = second - 1
     late = int(readings[12])
@@ -182,25 +184,30 @@ def _draw_run(path: Drive, good: Filtered, readings: IntArray, target: Path) -> 
         axis.bar(CENTRES, belief, width=5.0)
         axis.axvline(path.truth[step], color="tab:red", label="truth")
         for door in DOORS:
-            axis.axvline(door, color="grey", lw=0.7, ls=":")
-        axis.set(title=f"{name} (step {step})", ylim=(0.0, None))
-        axis.legend(loc="upper right")
+            axis.axvline(door, color="0.3", lw=1.0, ls=":", label="door")
+        axis.set(title=f"{name} (step {step})", ylim=(0.0, None), xlim=(0, 850))
+        axis.set_ylabel("probability of the 5 cm cell")
     axis = axes[1, 2]
     turns = np.arange(0, 200)
-    axis.pcolormesh(CENTRES, turns, good.corrected[:200], cmap="magma_r", vmax=0.1)
-    axis.plot(path.truth[:200], turns, ",", color="tab:cyan")
-    axis.set(title="convergence: all beliefs of 200 steps", xlabel="x / cm", ylabel="step")
-    for axis in axes[1]:
+    image = axis.pcolormesh(CENTRES, turns, good.corrected[:200], cmap="magma_r", vmax=0.1)
+    axis.plot(path.truth[:200:4], turns[::4], ".", color="tab:cyan", ms=2.5)
+    axis.set(title="all beliefs of 200 steps; cyan: truth", ylabel="step")
+    figure.colorbar(image, ax=axis, label="probability of the 5 cm cell", extend="max")
+    for axis in axes.flat:
         axis.set_xlabel("x / cm")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    figure.legend(once.values(), once.keys(), loc="outside upper center", ncols=2)
     return save(figure, target)
 
 
 def _draw_errors(good: FloatArray, bad: FloatArray, seen: BoolArray, target: Path) -> Path:
-    figure, axes = panels(1, 1, (11, 4))
+    figure, axes = panels(1, 1, (11, 4.4))
     axis = axes[0, 0]
     axis.plot(bad, label="literal code", color="tab:orange")
     axis.plot(good, label="correct filter", color="tab:blue")
     axis.plot(np.flatnonzero(seen), np.zeros(int(seen.sum())), "k|", label="a door is passed")
     axis.set(xlabel="step", ylabel="expected distance to the truth / cm", yscale="symlog", ylim=(0, 400))
-    axis.legend()
+    axis.set_yticks([0, 1, 10, 100], ["0", "1", "10", "100"])
+    figure.legend(loc="outside upper center", ncols=3)
     return save(figure, target)

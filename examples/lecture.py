@@ -35,6 +35,8 @@ PRIOR = np.array(
 KERNEL: dict[tuple[int, ...], float] = {(-1, 0): 0.5, (0, 0): 0.1, (-1, 1): 0.2, (-1, -1): 0.2}
 READING_PROBABILITY = 0.04
 QUERY = (2, 3)
+DARK = 0.13
+"""Probability from which on the figure's blue needs white letters."""
 
 
 class Solution(NamedTuple):
@@ -93,19 +95,23 @@ def run(output: Path, seed: int) -> list[Path]:
     print(
         f"0.04 in column 2 and 0.01 elsewhere: P(x = {QUERY} | o, z) = {solution.posterior_if_nearer[at]:.4f}"
     )
-    figure, axes = panels(1, 3, (12, 5), sharex=True, sharey=True)
+    figure, axes = panels(1, 3, (13, 4.6), layout="compressed", sharex=True, sharey=True)
     pictures = (
-        ("prior", PRIOR),
+        (f"prior (red: the cell asked for, {QUERY})", PRIOR),
         ("after odometry (-1, 0)", solution.predicted),
-        ("after z = 1.2: 0.04 in column 2, 0.01 elsewhere", solution.posterior_if_nearer),
+        ("after z = 1.2 (0.04 in column 2, else 0.01)", solution.posterior_if_nearer),
     )
     for axis, (name, belief) in zip(axes.flat, pictures, strict=True):
-        axis.imshow(belief.T, origin="lower", extent=(0.5, 4.5, 0.5, 4.5), cmap="Blues", vmin=0.0, vmax=0.25)
+        image = axis.imshow(
+            belief.T, origin="lower", extent=(0.5, 4.5, 0.5, 4.5), cmap="Blues", vmin=0.0, vmax=0.25
+        )
         for (i, j), value in np.ndenumerate(belief):
-            axis.text(i + 1, j + 1, f"{value:.3f}", ha="center", va="center", fontsize=9)
+            ink = "white" if value > DARK else "black"
+            axis.text(i + 1, j + 1, f"{value:.3f}", ha="center", va="center", fontsize=11, color=ink)
         axis.add_patch(_frame())
-        axis.set(title=name, xlabel="x", xticks=range(1, 5), yticks=range(1, 5))
-    axes[0, 0].set_ylabel("y")
+        axis.set(title=name, xlabel="x (cells)", xticks=range(1, 5), yticks=range(1, 5))
+    axes[0, 0].set_ylabel("y (cells)")
+    figure.colorbar(image, ax=axes, label="probability of the cell", fraction=0.03)
     return [save(figure, output / "lecture.png")]
 
 

@@ -13,7 +13,7 @@ import itertools
 import math
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from ciberrato.bayes.motion.turn_drive_turn import TurnDriveTurn
 from ciberrato.bayes.sensors.beam import BeamModel
 from ciberrato.bayes.sensors.scan_table import ScanTable
 from ciberrato.bayes.spaces import StateSpace, pose_grid
+from ciberrato.bayes.summaries import modes
 from examples.figures import panels, save
 
 TITLE = "A laser in a museum: 6 million poses, passers-by, from a uniform belief"
@@ -57,6 +58,12 @@ TOUR = (
     (38.0, 10.4),
 )
 STOP_EVERY = 1.0
+
+# Of the figure: metres that the zoom shows, and which hypotheses are marked in the hall.
+CMAP = "YlOrRd"
+ZOOM = 6.0
+MOST_MARKS = 12
+LEAST_MARKED = 0.01
 
 
 class Museum(NamedTuple):
@@ -234,26 +241,78 @@ def run(output: Path, seed: int) -> list[Path]:
 
 
 def _draw(museum: Museum, tour: Tour, stops: list[Stop], path: Path) -> Path:
-    figure, axes = panels(len(SHOWN), 2, (14, 25))
+    from matplotlib.colors import LogNorm
+    from matplotlib.patches import Rectangle
+
+    figure, axes = panels(
+        len(SHOWN), 3, (15, 4.05 * len(SHOWN)), layout="compressed", width_ratios=(1.31, 1.0, 1.31)
+    )
     extent = (0.0, WIDTH, 0.0, DEPTH)
     walls = np.where(museum.grid.occupied.T, 1.0, np.nan)
-    for (left, right), number in zip(axes, SHOWN, strict=True):
-        stop, (x, y, heading) = stops[number - 1], tour.truth[number - 1]
-        share = stop.belief_over_places.T / stop.belief_over_places.max()
-        left.imshow(np.sqrt(share), origin="lower", extent=extent, cmap="viridis", vmin=0.0, vmax=1.0)
-        left.imshow(walls, origin="lower", extent=extent, cmap="Greys", vmin=0.0, vmax=1.4)
-        left.plot(x, y, "o", mfc="none", mec="tab:red", ms=14)
-        left.set_title(
-            f"scan {number}: belief over places (square root), {stop.entropy:.1f} bits; red: truth"
-        )
-        right.imshow(walls, origin="lower", extent=extent, cmap="Greys", vmin=0.0, vmax=1.4)
-        scan = tour.scans[number - 1]
-        directions = heading + museum.table.angles
-        ends = np.column_stack([x + scan * np.cos(directions), y + scan * np.sin(directions)])
-        for end in ends:
-            right.plot([x, end[0]], [y, end[1]], color="tab:orange", lw=0.4)
-        right.plot(*ends.T, ".", color="tab:red", ms=3)
-        right.plot(*tour.truth[:number, :2].T, "-", color="tab:green")
-        right.quiver(x, y, math.cos(heading), math.sin(heading), color="tab:green", scale=25)
-        right.set(xlim=(0, WIDTH), ylim=(0, DEPTH), title="true pose and scan, visitors included")
+    norm = LogNorm(1e-5, 1.0)
+    for (hall_axis, near, seen), number in zip(axes, SHOWN, strict=True):
+        stop, (x, y) = stops[number - 1], tour.truth[number - 1, :2]
+        for axis in (hall_axis, near):
+            image = axis.imshow(
+                stop.belief_over_places.T + 1e-12, origin="lower", extent=extent, cmap=CMAP, norm=norm
+            )
+            axis.imshow(walls, origin="lower", extent=extent, cmap="Greys", vmin=0.0, vmax=1.4)
+            axis.plot(x, y, "o", mfc="none", mec="tab:red", mew=1.5, ms=9 if axis is hall_axis else 22)
+        corner = _window(x, WIDTH), _window(y, DEPTH)
+        hall_axis.add_patch(Rectangle(corner, ZOOM, ZOOM, fill=False, ec="tab:red", lw=1.0))
+        _mark_hypotheses(hall_axis, stop.belief_over_places)
+        hall_axis.set_title(f"scan {number}: belief over places, {stop.entropy:.1f} bits", fontsize=10)
+        near.set_title(f"near the truth: {stop.mass_near_truth:.3f} within 0.5 m and 10°", fontsize=10)
+        near.set(xlim=(corner[0], corner[0] + ZOOM), ylim=(corner[1], corner[1] + ZOOM))
+        _draw_scan(seen, museum, tour, number, walls)
+        for axis in (hall_axis, near, seen):
+            axis.set(xlabel="x / m", ylabel="y / m", aspect="equal")
+    figure.colorbar(
+        image,
+        ax=axes,
+        location="bottom",
+        fraction=0.012,
+        pad=0.01,
+        label="probability of the place (0.2 m x 0.2 m)",
+    )
+    figure.suptitle("red ring: true place; blue numbers: hypotheses in percent", fontsize=11)
     return save(figure, path)
+
+
+def _window(middle: float, length: float) -> float:
+    """Return where a window of `ZOOM` metres round a place begins; it does not leave the hall."""
+    return min(max(middle - ZOOM / 2, 0.0), length - ZOOM)
+
+
+def _mark_hypotheses(axis: Any, belief: FloatArray) -> None:
+    cell = WIDTH / belief.shape[0]
+    for hill in modes(belief)[:MOST_MARKS]:
+        if hill.mass < LEAST_MARKED:
+            break
+        place = (np.array(hill.peak) + 0.5) * cell
+        axis.plot(*place, "o", mfc="none", mec="tab:blue", mew=1.2, ms=15)
+        axis.annotate(
+            f"{100 * hill.mass:.0f}",
+            place,
+            textcoords="offset points",
+            xytext=(0, 10),
+            ha="center",
+            fontsize=9,
+            color="tab:blue",
+            weight="bold",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5},
+        )
+
+
+def _draw_scan(axis: Any, museum: Museum, tour: Tour, number: int, walls: FloatArray) -> None:
+    (x, y, heading), scan = tour.truth[number - 1], tour.scans[number - 1]
+    axis.imshow(walls, origin="lower", extent=(0.0, WIDTH, 0.0, DEPTH), cmap="Greys", vmin=0.0, vmax=1.4)
+    directions = heading + museum.table.angles
+    ends = np.column_stack([x + scan * np.cos(directions), y + scan * np.sin(directions)])
+    for end in ends:
+        axis.plot([x, end[0]], [y, end[1]], color="tab:orange", lw=0.4)
+    axis.plot(*ends.T, ".", color="tab:red", ms=3)
+    axis.plot(*tour.truth[:number, :2].T, "-", color="tab:green", lw=2)
+    axis.quiver(x, y, math.cos(heading), math.sin(heading), color="tab:green", scale=25)
+    axis.set(xlim=(0, WIDTH), ylim=(0, DEPTH))
+    axis.set_title("scan (orange) and way so far (green), visitors included", fontsize=10)

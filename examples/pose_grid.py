@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -163,22 +163,31 @@ def run(output: Path, seed: int) -> list[Path]:
 def _draw(track: Track, result: Localized, means: FloatArray, path: Path) -> Path:
     from matplotlib.collections import LineCollection
 
-    figure, axes = panels(1, 2, (17, 7), width_ratios=(2.2, 1.0))
+    figure, axes = panels(1, 2, (15, 6.4), width_ratios=(2.0, 1.0))
     axis = axes[0, 0]
     places = marginal(result.beliefs.mean(axis=0), SPACE, "x", "y")
     x, y = SPACE.axes[0].edges, SPACE.axes[1].edges
     image = axis.pcolormesh(x, y, places.T, cmap="Blues")
-    figure.colorbar(image, ax=axis, label="marginal over heading, mean of all steps", fraction=0.03)
+    figure.colorbar(image, ax=axis, label="probability of the place, mean of all steps", fraction=0.03)
     axis.add_collection(LineCollection(list(WALLS.segments.reshape(-1, 2, 2)), colors="k", lw=2))
     axis.plot(*track.truth[:, :2].T, "o-", color="tab:green", label="truth")
     axis.plot(*track.odometry[:, :2].T, "s--", color="tab:red", ms=4, label="odometry")
     axis.plot(*means[:, :2].T, "^-", color="tab:blue", ms=5, label="mean of the belief")
     for step in (0, 5, 11, 17):
-        axis.annotate(str(step), track.truth[step, :2], textcoords="offset points", xytext=(6, 6))
+        axis.annotate(
+            str(step),
+            track.truth[step, :2],
+            textcoords="offset points",
+            xytext=(9, 9),
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+        )
     axis.set(
-        aspect="equal", xlabel="x / m", ylabel="y / m", title="tracks; blue: the belief summed over heading"
+        aspect="equal",
+        xlabel="x / m",
+        ylabel="y / m",
+        title="tracks over the belief summed over heading; numbers: steps",
     )
-    axis.legend(loc="center left", bbox_to_anchor=(0.0, 0.62))
+    _legend_below(axis, 3)
     axis = axes[0, 1]
     headings = np.array([marginal(belief, SPACE, "heading") for belief in result.beliefs])
     image = axis.pcolormesh(
@@ -186,7 +195,12 @@ def _draw(track: Track, result: Localized, means: FloatArray, path: Path) -> Pat
     )
     axis.plot(np.degrees(track.truth[:, 2]), np.arange(18), "o", color="tab:green", label="truth")
     axis.set(xlabel="heading / degrees", ylabel="step", title="the belief summed over x and y")
+    axis.set_xticks(range(-180, 181, 60))
     axis.invert_yaxis()
-    axis.legend(loc="upper left")
-    figure.colorbar(image, ax=axis)
+    _legend_below(axis, 1)
+    figure.colorbar(image, ax=axis, label="probability of the heading (20 degrees each)")
     return save(figure, path)
+
+
+def _legend_below(axis: Any, columns: int) -> None:
+    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=columns, frameon=False)

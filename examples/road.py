@@ -141,11 +141,13 @@ def run(output: Path, seed: int) -> list[Path]:
         )
         axis.plot(truth, np.arange(STEPS), "w--", lw=1, label="truth")
         for landmark in road.landmarks:
-            axis.axvline(landmark, color="tab:red", lw=0.7)
-        axis.set(title=f"belief after each {name} (red: landmarks)", ylabel="step")
-        axis.legend(loc="upper right")
-        figure.colorbar(image, ax=axis)
-    axes[1, 0].set_xlabel("x / m")
+            axis.axvline(landmark, color="tab:red", lw=0.9, label="landmark")
+        axis.set(title=f"belief after each {name}", ylabel="step", xlabel="x / m")
+        figure.colorbar(image, ax=axis, label="probability of the 1 m cell", extend="max")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    # White on dark, as in the picture.
+    figure.legend(once.values(), once.keys(), loc="outside upper center", ncols=2, facecolor="0.75")
     return [text, save(figure, output / "road.png")]
 
 

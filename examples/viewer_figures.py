@@ -25,6 +25,7 @@ FOLDER = Path("docs/figures")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
 DESKTOP = {"width": 1280, "height": 800}
 PHONE = {"width": 390, "height": 844}
+BEAMER = {"width": 1920, "height": 1080}
 TURN = 0.06
 SCRUB = "const s = document.querySelector('#scrubber'); s.value = 45; s.dispatchEvent(new Event('input'))"
 NEAR = 1.3
@@ -96,6 +97,17 @@ def _free_udp_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def shrink(path: Path) -> None:
+    """Write a picture again with 256 colours, which is what such pages and figures need."""
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        # This method keeps the hues of thin lines: no colour is off by more than a tenth.
+        method, dither = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
+        small = picture.convert("RGB").quantize(256, method=method, kmeans=2, dither=dither)
+    small.save(path, optimize=True)
+
+
 class Studio:
     """Takes pictures of pages.
 
@@ -133,6 +145,7 @@ class Studio:
         path = self._folder / f"viewer-{name}.png"
         page.screenshot(path=path)
         context.close()
+        shrink(path)
         print(path)
 
 
@@ -167,6 +180,8 @@ def take_all(studio: Studio, folder: Path) -> None:
         studio.take("end", url, f"{frame}.phase === 'finished' && ciberrato.state.marks.length > 3")
     with simulated("open", 20, "--autostart", "20", "--speed", "3") as (url, _, _):
         studio.take("twenty", url, f"{frame}.time >= 250")
+    with simulated("maze", 4, "--autostart", "4") as (url, _, _):
+        studio.take("projection", f"{url}#projection", f"{frame}.time >= 120", size=BEAMER)
     with simulated("lines", 1, "--autostart", "1") as (url, _, _):
         act = "document.querySelector('#follow').click()"
         studio.take("follow", url, f"{frame}.time >= 60", act=act)

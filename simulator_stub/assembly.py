@@ -23,13 +23,14 @@ from ciberrato.labs import find_grid, find_lab, find_parameters
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
-from simulator_stub.recording.kidnapping import Kidnapper, parse_kidnapping
+from simulator_stub.options import DEFAULT_ANSWER_LIMIT
 from simulator_stub.recording.log import LogFile
-from simulator_stub.recording.observer import Recorder
+from simulator_stub.recording.observer import Observer
 from simulator_stub.recording.reference_files import ReferenceFiles
 from simulator_stub.recording.results import Results
 from simulator_stub.recording.truth import TruthFile
 from simulator_stub.scoring import SCORINGS
+from simulator_stub.service.kidnapping import Kidnapper, parse_kidnapping
 from simulator_stub.service.pace import Lockstep, Pace, RealTime
 from simulator_stub.service.runs import Runs
 from simulator_stub.service.server import Server, open_transports
@@ -72,6 +73,7 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     lab, grid, parameters = read_world(options, notify)
     seed = secrets.randbits(32) if options.seed is None else options.seed
     simulation = Simulation(lab, grid, parameters, seed, options.scoring)
+    kidnapper = _kidnapper(options)
     # Ports first: the files of a simulator that already runs there must not be overwritten.
     transports = open_transports(
         [name for name in TRANSPORTS if name != "tcp" or options.tcp], options.bind, options.port
@@ -79,18 +81,27 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     with contextlib.ExitStack() as opened:
         for transport in transports:
             opened.callback(transport.close)
-        recorders: list[Recorder] = []
-        for recorder in _recorders(options):
-            opened.callback(recorder.close)
-            recorders.append(recorder)
+        observers: list[Observer] = []
+        for observer in _observers(options):
+            opened.callback(observer.close)
+            observers.append(observer)
         results = Results(seed=seed, scoring=options.scoring, path=options.result, notify=notify)
-        recorders.append(results)
+        observers.append(results)
         opened.pop_all()  # all went well
-    session = Session(simulation, autostart=options.autostart, recorders=recorders, notify=notify)
+    session = Session(
+        simulation,
+        autostart=options.autostart,
+        observers=observers,
+        kidnapper=kidnapper,
+        notify=notify,
+    )
     runs = Runs(session, results, seed=seed, count=options.runs or int(options.exit_at_end))
     print_line(f"seed {seed}")
     _announce(transports, options.bind, print_line)
-    return Server(session, transports, _pace(options, session, parameters, notify), runs.go_on)
+    pace = _pace(options, session, parameters, notify)
+    if isinstance(pace, Lockstep):
+        results.answers = pace.counts
+    return Server(session, transports, pace, runs.go_on)
 
 
 def read_world(options: argparse.Namespace, notify: Print) -> tuple[Lab, StartGrid, Parameters]:
@@ -152,12 +163,14 @@ def _parse_inline(text: str) -> StartGrid:
     return StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=degrees) for x, y, degrees in poses))
 
 
-def _recorders(options: argparse.Namespace) -> Iterator[Recorder]:
-    if options.kidnap:
-        try:
-            yield Kidnapper([parse_kidnapping(text) for text in options.kidnap])
-        except ValueError as error:
-            raise UsageError(f"argument --kidnap: {error}") from None
+def _kidnapper(options: argparse.Namespace) -> Kidnapper | None:
+    try:
+        return Kidnapper([parse_kidnapping(text) for text in options.kidnap]) if options.kidnap else None
+    except ValueError as error:
+        raise UsageError(f"argument --kidnap: {error}") from None
+
+
+def _observers(options: argparse.Namespace) -> Iterator[Observer]:
     if options.truth is not None:
         yield TruthFile(options.truth)
     if options.log is not None:
@@ -174,5 +187,7 @@ def _announce(transports: list[Transport], host: str, print_line: Print) -> None
 def _pace(options: argparse.Namespace, session: Session, parameters: Parameters, notify: Print) -> Pace:
     period = parameters.cycle_time / 1000.0 / options.speed
     if options.lockstep:
-        return Lockstep(session, period, limit=options.answer_limit, notify=notify)
+        limit = DEFAULT_ANSWER_LIMIT if options.answer_limit is None else options.answer_limit
+        adaptive = options.answer_limit is None
+        return Lockstep(session, period, limit=limit, adaptive=adaptive, notify=notify)
     return RealTime(session, period)

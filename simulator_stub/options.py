@@ -82,9 +82,9 @@ def _parser() -> argparse.ArgumentParser:
     pace.add_argument(
         "--answer-limit",
         type=_seconds,
-        default=DEFAULT_ANSWER_LIMIT,
         metavar="SECONDS",
-        help="how long --lockstep waits for a silent robot; default: 1, inf: for ever",
+        help="how long --lockstep waits for an answer, inf: for ever; default: a few of the robot's own "
+        "answer times, up to 1 while it is at work",
     )
     pace.add_argument(
         "--autostart", type=_count, default=0, metavar="N", help="start as soon as N robots are registered"

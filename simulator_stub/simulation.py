@@ -24,6 +24,7 @@ from ciberrato.protocol import (
     RobotStatus,
 )
 from ciberrato.protocol.drafts import MeasuresDraft
+from ciberrato.world.coordinates import SensorAngles
 from ciberrato.world.lab import Beacon, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -36,8 +37,6 @@ from simulator_stub.world.robot import Robot
 from simulator_stub.world.robot_state import MOVING, RobotState
 from simulator_stub.world.simulator_state import SimulatorEvent, SimulatorState, SimulatorStateMachine
 from simulator_stub.world.world import World
-
-SensorAngles = tuple[float, float, float, float]
 
 NAMELESS = "(null)"
 """What a robot is called that gave no name."""

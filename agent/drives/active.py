@@ -1,8 +1,8 @@
 """``active``: goes where the poses that are left are told apart soonest, and stops once the pose is known.
 
 While nearly everything is possible, any open way tells much, and the next leg is that of `explore`. As soon
-as a handful of hypotheses carries the belief, the way that tells them apart best for its time is planned over
-relative poses (`agent.drives.disambiguation`), and planned again whenever the belief has changed much.
+as a handful of hypotheses carries the belief, the path that tells them apart best for its time is planned
+over relative poses (`agent.drives.disambiguation`), and planned again whenever the belief has changed much.
 """
 
 from __future__ import annotations
@@ -11,18 +11,16 @@ import math
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.drives.base import STANDSTILL, Decision
+from agent.drives.base import Decision, DriveSetup
 from agent.drives.clearance import PoseSample
 from agent.drives.disambiguation import FIRST_TURNS, plan
 from agent.drives.explore import ExploreDrive
 from agent.drives.roam import Closed, LegPhase, Roamer
 from ciberrato.localization.belief.estimate import PoseEstimate, modes
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.physics.kinematics import STANDSTILL
 from ciberrato.protocol.messages import Measures
-
-Floats = NDArray[np.float64]
 
 _MOST_STATES = 8000
 """States of the belief up to which it is worth while to look for hypotheses."""
@@ -37,6 +35,13 @@ _RECONSIDER_DROP = 0.5  # bits
 class _Mode(StrEnum):
     LOCALIZING = "localizing"
     LOCALIZED = "localized"
+
+
+def make(setup: DriveSetup) -> ActiveDrive:
+    """Make the drive."""
+    return ActiveDrive(
+        setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise, stop=setup.stop_when_localized
+    )
 
 
 class ActiveDrive:
@@ -79,7 +84,7 @@ class ActiveDrive:
         """Whether the pose is known and has been for a while."""
         return self._mode is _Mode.LOCALIZED
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self._known = self._known + 1 if pose_filter.estimate().certain else 0
         if self._known >= self._hold:
@@ -99,19 +104,19 @@ class ActiveDrive:
                 self._roamer.reconsider()
         return self._roamer.decide(measures, pose_filter)
 
-    def _choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
-        """Choose the first leg of the way that tells most; see `agent.drives.roam.ChooseLeg`."""
+    def _choose(self, pose_filter: GridFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
+        """Choose the first leg of the path that tells most; see `agent.drives.roam.ChooseLeg`."""
         self._since_choice, self._doubt = 0, math.inf
         found = _hypotheses(pose_filter)
         if len(found) > 1:
             self._doubt = _entropy(found)
-            way = plan(pose_filter.tables, found, self._noise, closed(FIRST_TURNS))
-            if way is not None and way.gain > _LEAST_GAIN:
-                return way.turn, way.length
+            chosen = plan(pose_filter.tables, found, self._noise, closed(FIRST_TURNS))
+            if chosen is not None and chosen.gain > _LEAST_GAIN:
+                return chosen.turn, chosen.length
         return self._explorer.choose(pose_filter, sample, closed)
 
 
-def _hypotheses(pose_filter: PoseFilter) -> list[PoseEstimate]:
+def _hypotheses(pose_filter: GridFilter) -> list[PoseEstimate]:
     """List the poses that the belief is gathered around; none if they are too many."""
     belief = pose_filter.belief
     if belief.dense is not None or belief.states > _MOST_STATES:

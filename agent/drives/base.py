@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Measures
-
-Command = tuple[float, float]
-STANDSTILL: Command = (0.0, 0.0)
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +33,36 @@ class Decision:
     finished: str | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveSetup:
+    """What a drive is made from.
+
+    Attributes
+    ----------
+    lab : Lab
+    parameters : Parameters
+        As announced.
+    angles : tuple of four float
+        Mounting angles of the IR sensors in degrees.
+    argument : object
+        What the drive's `agent.drives.registry.DriveKind.argument` has read; None if it takes nothing.
+    cruise : float
+        Motor command for driving straight on, in units a cycle.
+    stop_when_localized : bool
+        Whether a drive that seeks the pose stands still once it is known.
+    """
+
+    lab: Lab
+    parameters: Parameters
+    angles: tuple[float, float, float, float]
+    argument: Any = None
+    cruise: float = 0.1
+    stop_when_localized: bool = True
+
+
 class Drive(Protocol):
     """A policy: a pure function of the stream of messages and of the filter that has taken them in."""
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """Decide what to do in answer to a message that the filter has taken in."""
         ...

@@ -1,7 +1,7 @@
-"""Which cells a robot can drive between, from centre to centre, and which way it takes.
+"""Which cells a robot can drive between, from centre to centre, and which path it takes.
 
-Two neighbouring cells are *joined* if the straight way between their centres keeps clear of all walls, as
-the lattice's clearance has it; a cell whose centre has no room for the robot is joined to none. So cells
+Two neighbouring cells are *joined* if the straight path between their centres keeps clear of all walls, as
+the lattice's clearance has it; a cell whose centre has no place for the robot is joined to none. So cells
 of labs built from rows and of labs with walls anywhere are treated alike.
 """
 
@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.clearance import clearance
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.physics.kinematics import MAX_POWER, ROBOT_RADIUS
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE
 
-Cell = tuple[int, int]
-"""Row, from the bottom, and column."""
-Way = tuple[Cell, Cell]
+Edge = tuple[Cell, Cell]
 
-LEAST_ROOM = ROBOT_RADIUS + 0.09
-"""Units that the nodes of a way keep from walls; what lies between two of them is at most 0.01 nearer."""
+LEAST_CLEARANCE = ROBOT_RADIUS + 0.09
+"""Units that the nodes of a path keep from walls; what lies between two of them is at most 0.01 nearer."""
 STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
 """Of row and column, to the east, north, west and south: at headings of 0, 90, 180 and 270 degrees."""
 _TURN_RATE = 2.0 * MAX_POWER  # radians a cycle
@@ -55,7 +55,7 @@ class Beginning:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellGraph:
-    """Cells and the straight ways between neighbours.
+    """Cells and the straight paths between neighbours.
 
     Attributes
     ----------
@@ -69,16 +69,16 @@ class CellGraph:
     joined: NDArray[np.bool_]
 
     def neighbours(self, cell: Cell) -> list[Cell]:
-        """Cells to which there is a straight way."""
+        """Cells to which there is a straight path."""
         return [(cell[0] + STEPS[k][0], cell[1] + STEPS[k][1]) for k in np.flatnonzero(self.joined[cell])]
 
     def quickest(
         self,
         beginnings: Sequence[Beginning],
         seen: NDArray[np.float64],
-        closed: Callable[[Way], bool],
+        closed: Callable[[Edge], bool],
     ) -> list[Cell]:
-        """Find the way to the nearest cell not seen yet; if all are, to the one seen longest ago.
+        """Find the path to the nearest cell not seen yet; if all are, to the one seen longest ago.
 
         Nearest is what takes the fewest cycles, turns included; a cell whose neighbours have all been seen
         counts as a little nearer, as coming back for it alone would take long.
@@ -89,7 +89,7 @@ class CellGraph:
         seen : array, shape (rows, columns)
             When the robot was last in each cell; minus infinity for never.
         closed : callable
-            Says of a way whether it is not to be taken.
+            Says of an edge whether it is not to be taken.
 
         Returns
         -------
@@ -122,19 +122,19 @@ class CellGraph:
                     continue
                 total = cost + turning_cycles(direction * math.pi / 2.0 - heading) + CELL_SIZE / MAX_POWER
                 heapq.heappush(queue, (total, there, int(direction), direction * math.pi / 2.0, here))
-        way = []
+        path = []
         while goal is not None:
-            way.append(goal[0])
+            path.append(goal[0])
             goal = before[goal]
-        return way[::-1]
+        return path[::-1]
 
     def _bonus(self, cell: Cell, seen: NDArray[np.float64]) -> float:
         alone = seen[cell] == -math.inf and all(seen[other] > -math.inf for other in self.neighbours(cell))
         return _STRAGGLER if alone else 0.0
 
 
-def join_cells(lattice: Lattice, rows: int, columns: int, room: float = LEAST_ROOM) -> CellGraph:
-    """Find the straight ways between neighbouring cells.
+def join_cells(lattice: Lattice, rows: int, columns: int, least: float = LEAST_CLEARANCE) -> CellGraph:
+    """Find the straight paths between neighbouring cells.
 
     Parameters
     ----------
@@ -142,8 +142,8 @@ def join_cells(lattice: Lattice, rows: int, columns: int, room: float = LEAST_RO
         Cell centres are nodes.
     rows, columns : int
         Of the lab.
-    room : float
-        Units that all nodes on the way are away from walls.
+    least : float
+        Units that all nodes on the path are away from walls.
 
     Returns
     -------
@@ -153,31 +153,33 @@ def join_cells(lattice: Lattice, rows: int, columns: int, room: float = LEAST_RO
     y, x = np.meshgrid(np.arange(rows) * CELL_SIZE + 1.0, np.arange(columns) * CELL_SIZE + 1.0, indexing="ij")
     joined = np.zeros((rows, columns, 4), np.bool_)
     for direction, (up, right) in enumerate(STEPS):
-        ways = clearance(lattice, x[..., np.newaxis] + right * along, y[..., np.newaxis] + up * along)
-        joined[..., direction] = ways.min(axis=-1) >= room
+        clearances = clearance(lattice, x[..., np.newaxis] + right * along, y[..., np.newaxis] + up * along)
+        joined[..., direction] = clearances.min(axis=-1) >= least
     joined[:, -1:, 0] = joined[-1:, :, 1] = joined[:, :1, 2] = joined[:1, :, 3] = False
-    return CellGraph(free=clearance(lattice, x, y) >= room, joined=joined)
+    return CellGraph(free=clearance(lattice, x, y) >= least, joined=joined)
 
 
-def find_stands(lattice: Lattice, columns: int, room: float = LEAST_ROOM) -> dict[Cell, tuple[float, float]]:
-    """Find where in each cell the robot can stand: as near to the centre as there is room.
+def find_stands(
+    lattice: Lattice, columns: int, least: float = LEAST_CLEARANCE
+) -> dict[Cell, tuple[float, float]]:
+    """Find where in each cell the robot can stand: as near to the centre as it fits.
 
     Parameters
     ----------
     lattice : Lattice
     columns : int
         Of the lab.
-    room : float
+    least : float
         Units from walls.
 
     Returns
     -------
     dict
-        From cells to nodes of the lattice (x, y in units); cells without room are left out.
+        From cells to nodes of the lattice (x, y in units); cells where it does not fit are left out.
     """
-    roomy = np.flatnonzero(lattice.clearance >= room)
-    row, column = np.divmod(lattice.cell[roomy], columns)
-    x, y = lattice.x[roomy], lattice.y[roomy]
+    fitting = np.flatnonzero(lattice.clearance >= least)
+    row, column = np.divmod(lattice.cell[fitting], columns)
+    x, y = lattice.x[fitting], lattice.y[fitting]
     away = np.hypot(x - (column + 0.5) * CELL_SIZE, y - (row + 0.5) * CELL_SIZE)
     stands: dict[Cell, tuple[float, float]] = {}
     for k in np.argsort(away, kind="stable"):
@@ -192,5 +194,5 @@ def centre(cell: Cell) -> tuple[float, float]:
 
 def turning_cycles(angle: float) -> float:
     """Say how long a turn in place takes, in radians; none takes nothing."""
-    angle = abs(math.remainder(angle, 2.0 * math.pi))
+    angle = abs(short_turn(angle))
     return 0.0 if angle < 0.1 else angle / _TURN_RATE + _TURN_OVERHEAD

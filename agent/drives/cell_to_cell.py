@@ -14,34 +14,32 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives.base import Command
 from agent.drives.cell_graph import (
-    LEAST_ROOM,
+    LEAST_CLEARANCE,
     Beginning,
-    Cell,
     CellGraph,
-    Way,
+    Edge,
     centre,
     find_stands,
     join_cells,
     turning_cycles,
 )
 from agent.drives.clearance import SAFE_CLEARANCE
-from agent.drives.detour import clear_way, shortest_detour
+from agent.drives.detour import is_clear, shortest_detour
 from agent.drives.safety import STOP_SHORT, Bumper
+from ciberrato.geometry.angles import short_turn
 from ciberrato.geometry.walls import WallMap
 from ciberrato.localization.belief.lattice import Lattice
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.physics.kinematics import MAX_POWER, advance, filter_power
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.physics.kinematics import MAX_POWER, Command, advance, filter_wheels
 from ciberrato.protocol.messages import Measures
+from ciberrato.world.coordinates import Cell, Pose
 from ciberrato.world.lab import CELL_SIZE, Lab
-
-Pose = tuple[float, float, float]
 
 _HOLD = 5  # cycles for which the pose must be known before
 _LOST_AFTER = 6  # cycles without a claim after which it is not
-_ROOM = 0.57
-"""Units that a way which is not one between neighbours keeps from walls."""
+_CLEARANCE = 0.57
+"""Units that a path which is not one between neighbours keeps from walls."""
 _NEAR = 2.3  # units within which a cell's centre may be the first
 _AHEAD = 0.45
 """Units before a centre at which the robot must know whether it goes straight on."""
@@ -98,16 +96,16 @@ class CellDrive:
         """The pose by dead reckoning since the leg began."""
         self._wheels: Command = (0.0, 0.0)
         self._begin: tuple[float, float] = (0.0, 0.0)
-        self._way: list[_Stop] = []
+        self._path: list[_Stop] = []
         self._turning = False
         self._blocked = self._backing = self._pause = self._turned = 0
         self._failed = -_SHORT_TIME
         self._clear, self._clear_until = math.inf, 0
-        self._barred: dict[Way, int] = {}
+        self._barred: dict[Edge, int] = {}
         self._enclosed = self._beyond = False
         self._seen: NDArray[np.float64] = np.zeros((0, 0))
 
-    def _prepare(self, pose_filter: PoseFilter) -> None:
+    def _prepare(self, pose_filter: GridFilter) -> None:
         lab: Lab = pose_filter.lab
         self._lattice = pose_filter.planning_tables.lattice
         self._graph: CellGraph = join_cells(self._lattice, lab.rows, lab.columns)
@@ -122,13 +120,13 @@ class CellDrive:
 
     # --- every cycle ------------------------------------------------------------------------------------
 
-    def observe(self, measures: Measures, pose_filter: PoseFilter, last: Command | None) -> None:
+    def observe(self, measures: Measures, pose_filter: GridFilter, last: Command | None) -> None:
         """Take in a message, whoever decides on the answer.
 
         Parameters
         ----------
         measures : Measures
-        pose_filter : PoseFilter
+        pose_filter : GridFilter
             Has taken it in.
         last : (float, float) or None
             The command given before; None if that is not known.
@@ -138,8 +136,7 @@ class CellDrive:
         if last is None:
             self._wheels = pose_filter.wheels
         else:
-            left, right = (filter_power(c, w) for c, w in zip(last, self._wheels, strict=True))
-            self._wheels = left, right
+            self._wheels = filter_wheels(last, self._wheels)
         if last is None or measures.collision:
             self._reckoned = None  # it did not move as the commands say
         elif self._reckoned is not None:
@@ -175,14 +172,14 @@ class CellDrive:
         if self._pose is None or self._reckoned is None:
             self._reckoned = pose
         x, y, heading = self._reckoned
-        turned = abs(math.remainder(heading - pose[2], 2.0 * math.pi))
+        turned = abs(short_turn(heading - pose[2]))
         if math.hypot(x - pose[0], y - pose[1]) > _DRIFT or turned > _DRIFT_TURN:
             self._pause = 2 * _PAUSE
             self._reckoned = None
         self._pose = pose
 
     def _lose(self) -> None:
-        self._pose, self._reckoned, self._way = None, None, []
+        self._pose, self._reckoned, self._path = None, None, []
 
     def decide(self, measures: Measures) -> Command | None:
         """Decide what to do.
@@ -195,11 +192,11 @@ class CellDrive:
         Returns
         -------
         (float, float) or None
-            None while the pose is not known, or there is no way to any cell: then others are to decide.
+            None while the pose is not known, or there is no path to any cell: then others are to decide.
         """
         if self._pose is None or self._pause > 0:
             self._pause = max(self._pause - 1, 0)
-            self._way, self._reckoned = [], None
+            self._path, self._reckoned = [], None
             return None
         if measures.collision and self._backing == 0 and sum(self._wheels) >= 0.0:
             self._backing = _BACK_OFF
@@ -207,7 +204,7 @@ class CellDrive:
         if self._backing > 0:
             self._backing -= 1
             return _BACKWARDS
-        if not self._way and not self._set_out():
+        if not self._path and not self._set_out():
             self._pause = _PAUSE
             return None
         command = self._follow()
@@ -221,8 +218,8 @@ class CellDrive:
         if self._tick - self._failed < _SHORT_TIME:
             self._pause = _PAUSE
         self._failed = self._tick
-        if self._way:
-            cell = self._way[0].cell
+        if self._path:
+            cell = self._path[0].cell
             if cell is not None:
                 until = self._tick + _BARRED_FOR
                 self._barred[_cell_of(*self._begin), cell] = until
@@ -230,22 +227,22 @@ class CellDrive:
                     self._barred[_cell_of(*self._pose[:2]), cell] = until
             else:
                 self._give_up()
-        self._way = []
+        self._path = []
         self._blocked = 0
 
     def _give_up(self) -> None:
         """Let the cell at the end of the way count as seen."""
-        cell = _cell_of(*self._way[-1][:2])
+        cell = _cell_of(*self._path[-1][:2])
         if cell in self._stands:
             self._seen[cell] = self._tick
 
-    def _closed(self, way: Way) -> bool:
-        return self._barred.get(way, 0) > self._tick
+    def _closed(self, edge: Edge) -> bool:
+        return self._barred.get(edge, 0) > self._tick
 
     # --- where to ---------------------------------------------------------------------------------------
 
     def _set_out(self) -> bool:
-        """Find a way from where the robot is; say whether there is one."""
+        """Find a path from where the robot is; say whether there is one."""
         assert self._pose is not None
         x, y, heading = self._pose
         beginnings = []
@@ -258,14 +255,14 @@ class CellDrive:
                 away = math.hypot(there[0] - x, there[1] - y)
                 if not self._graph.free[cell] or away > _NEAR or self._closed((here, cell)):
                     continue
-                if not clear_way(self._walls, (x, y), there, _ROOM):
+                if not is_clear(self._walls, (x, y), there, _CLEARANCE):
                     continue
                 bearing = math.atan2(there[1] - y, there[0] - x) if away > _THERE else heading
                 cycles = away / self._speed + turning_cycles(bearing - heading)
                 beginnings.append(Beginning(cell, cycles, bearing))
-        self._way = self._plan(beginnings, (x, y))
+        self._path = self._plan(beginnings, (x, y))
         self._start_leg((x, y))
-        return bool(self._way)
+        return bool(self._path)
 
     def _plan(self, beginnings: Sequence[Beginning], place: tuple[float, float]) -> list[_Stop]:
         assert self._lattice is not None
@@ -274,7 +271,9 @@ class CellDrive:
             return [_Stop(*centre(cell), cell) for cell in cells]
         # Nothing new can be reached from centre to centre.
         if not (beginnings and self._enclosed):
-            detour = shortest_detour(self._lattice, self._walls, place, self._ends(beginnings), LEAST_ROOM)
+            detour = shortest_detour(
+                self._lattice, self._walls, place, self._ends(beginnings), LEAST_CLEARANCE
+            )
             if detour:
                 goal = _cell_of(*detour[-1])
                 last = _Stop(*detour[-1], goal if math.dist(detour[-1], centre(goal)) < _THERE else None)
@@ -293,12 +292,12 @@ class CellDrive:
 
     def _extend(self) -> None:
         """Plan on from the last place of the way, in time to go straight on there."""
-        last = self._way[-1]
+        last = self._path[-1]
         if last.cell is None or self._beyond:
             return
         self._seen[last.cell] = self._tick
         on = self._plan([Beginning(last.cell, 0.0, self._direction(last))], last[:2])
-        self._way += on[1:] if on and on[0].cell == last.cell else on
+        self._path += on[1:] if on and on[0].cell == last.cell else on
 
     # --- along the way ----------------------------------------------------------------------------------
 
@@ -316,9 +315,9 @@ class CellDrive:
         """Give the command for the leg that the robot is on; None if something is in the way."""
         assert self._pose is not None
         x, y, heading = self._pose
-        way = (self._wheels[0] + self._wheels[1]) / 2.0
+        moved = (self._wheels[0] + self._wheels[1]) / 2.0
         for _ in range(4):  # places that the robot is at already
-            stop = self._way[0]
+            stop = self._path[0]
             direction = self._direction(stop)
             if math.hypot(stop.x - self._begin[0], stop.y - self._begin[1]) < _THERE:
                 direction = heading
@@ -326,35 +325,35 @@ class CellDrive:
             left = (stop.x - x) * cosine + (stop.y - y) * sine
             if left > _AHEAD:
                 break
-            there = left - way <= _THERE or (self._blocked > _BLOCKED_FOR and left <= _NEAR_ENOUGH)
-            if len(self._way) == 1:
+            there = left - moved <= _THERE or (self._blocked > _BLOCKED_FOR and left <= _NEAR_ENOUGH)
+            if len(self._path) == 1:
                 self._extend()
-            if len(self._way) == 1:
+            if len(self._path) == 1:
                 if not there:
                     break
                 self._give_up()
-                self._way = []
-                # Free legs may get through where there is less room than a detour asks for.
+                self._path = []
+                # Free legs may get through where there is less clearance than a detour asks for.
                 self._pause = _PAUSE if self._beyond else 0
                 return 0.0, 0.0
-            following = self._way[1]
+            following = self._path[1]
             onwards = math.atan2(following.y - stop.y, following.x - stop.x)
-            straight = abs(math.remainder(onwards - direction, 2.0 * math.pi)) < 0.05
+            straight = abs(short_turn(onwards - direction)) < 0.05
             if not straight and not there:
                 break
-            self._way.pop(0)
+            self._path.pop(0)
             turning = self._turning
             self._start_leg(stop[:2])
             self._turning = turning if straight else True
         beside = -(x - stop.x) * sine + (y - stop.y) * cosine  # to the left of the line
         if abs(beside) > _OFF_LINE:
-            self._way = []
+            self._path = []
             return 0.0, 0.0
         return self._steer(direction - heading, beside, left)
 
     def _steer(self, turn: float, beside: float, left: float) -> Command | None:
-        way, turned = (self._wheels[0] + self._wheels[1]) / 2.0, self._wheels[1] - self._wheels[0]
-        turn = math.remainder(turn, 2.0 * math.pi)
+        moved, turned = (self._wheels[0] + self._wheels[1]) / 2.0, self._wheels[1] - self._wheels[0]
+        turn = short_turn(turn)
         if self._turning or abs(turn) > _ASTRAY:
             # What the wheels run on by is part of the way to come.
             self._turning = abs(turn - turned) > _ALIGNED
@@ -365,7 +364,7 @@ class CellDrive:
                 rate = min(max(turn - turned, -2.0 * MAX_POWER), 2.0 * MAX_POWER)
                 off = self._bumper.retreat
                 return off - rate / 2.0, off + rate / 2.0
-        power = min(self._speed, left - way, self._limit(way))
+        power = min(self._speed, left - moved, self._limit(moved))
         if power < 0.01:
             self._blocked += 1
             if self._blocked > _BLOCKED_FOR and left > _NEAR_ENOUGH:
@@ -379,14 +378,14 @@ class CellDrive:
         power = max(min(power, MAX_POWER - abs(rate) / 2.0), -0.05)
         return power - rate / 2.0, power + rate / 2.0
 
-    def _limit(self, way: float) -> float:
+    def _limit(self, moved: float) -> float:
         """Give the fastest safe command; what was so near ahead is there still when it leaves the cone."""
-        remembered = self._clear - way if self._tick < self._clear_until else math.inf
+        remembered = self._clear - moved if self._tick < self._clear_until else math.inf
         if self._bumper.ahead > _IN_THE_WAY:
             self._clear_until = self._tick + _REMEMBERED
             remembered = min(remembered, 1.0 / self._bumper.ahead)
         self._clear = remembered
-        return min(self._bumper.limit(way), max(remembered - STOP_SHORT - way, 0.0))
+        return min(self._bumper.limit(moved), max(remembered - STOP_SHORT - moved, 0.0))
 
 
 def _cell_of(x: float, y: float) -> Cell:

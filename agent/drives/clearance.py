@@ -1,7 +1,7 @@
-"""What lies ahead of the robot, as far as its belief can say: free ways of a sample of the likely poses.
+"""What lies ahead of the robot, as far as its belief can say: free paths of a sample of the likely poses.
 
 A robot that does not know where it is can still know that it may drive on: if the way ahead is free from
-every pose that it may have. All policies steer by this outlook, before and after the pose is known.
+every pose that it may have. All policies steer by these clearances, before and after the pose is known.
 """
 
 from __future__ import annotations
@@ -9,18 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 
-Floats = NDArray[np.float64]
-
 SAMPLES = 96
-_STEP = 0.1  # units between two looks along a way
+_STEP = 0.1  # units between two looks along a path
 SAFE_CLEARANCE = ROBOT_RADIUS + 0.03
-_WAY_OUT = 0.35
+_LEAVING = 0.35
 """Units within which a robot too near to a wall is to get away from it."""
 
 
@@ -96,7 +94,7 @@ def clearance(lattice: Lattice, x: Floats, y: Floats) -> Floats:
     return np.asarray(lattice.padded_clearance[lattice.index[row * lattice.nx + column]])
 
 
-def free_ways(lattice: Lattice, sample: PoseSample, turns: Floats, longest: float) -> Floats:
+def free_distances(lattice: Lattice, sample: PoseSample, turns: Floats, longest: float) -> Floats:
     """How far each sampled pose could drive straight on after a turn.
 
     Parameters
@@ -113,14 +111,16 @@ def free_ways(lattice: Lattice, sample: PoseSample, turns: Floats, longest: floa
     array, shape (turns, samples)
         Units.
     """
-    ways = np.arange(_STEP, longest + _STEP / 2.0, _STEP)
+    distances = np.arange(_STEP, longest + _STEP / 2.0, _STEP)
     heading = sample.heading + turns[:, np.newaxis]
-    x = sample.x[:, np.newaxis] + ways * np.cos(heading)[..., np.newaxis]
-    y = sample.y[:, np.newaxis] + ways * np.sin(heading)[..., np.newaxis]
-    room = clearance(lattice, x, y)
+    x = sample.x[:, np.newaxis] + distances * np.cos(heading)[..., np.newaxis]
+    y = sample.y[:, np.newaxis] + distances * np.sin(heading)[..., np.newaxis]
+    clearances = clearance(lattice, x, y)
     # A robot that is near a wall, or whose square is, may go where it gets no nearer.
     here = clearance(lattice, sample.x, sample.y)[:, np.newaxis]
-    free = (room >= SAFE_CLEARANCE) | ((room >= here) & (room > 0.0) & (ways <= _WAY_OUT))
+    free = (clearances >= SAFE_CLEARANCE) | (
+        (clearances >= here) & (clearances > 0.0) & (distances <= _LEAVING)
+    )
     return np.asarray(np.logical_and.accumulate(free, axis=-1).sum(axis=-1) * _STEP)
 
 
@@ -134,7 +134,7 @@ def arc_clearances(
     lattice : Lattice
     sample : PoseSample
     curvatures : array, shape (arcs,)
-        Radians per unit of way; positive to the left.
+        Radians per unit of length; positive to the left.
     length : float
         Units.
 
@@ -145,10 +145,10 @@ def arc_clearances(
     mean : array, shape (arcs, samples)
         Mean clearance, each at most 1.
     """
-    ways = np.arange(_STEP, length + _STEP / 2.0, _STEP)
-    turned = curvatures[:, np.newaxis] * (ways - _STEP / 2.0)
+    distances = np.arange(_STEP, length + _STEP / 2.0, _STEP)
+    turned = curvatures[:, np.newaxis] * (distances - _STEP / 2.0)
     heading = sample.heading[np.newaxis, :, np.newaxis] + turned[:, np.newaxis, :]
     x = sample.x[:, np.newaxis] + np.cumsum(_STEP * np.cos(heading), axis=-1)
     y = sample.y[:, np.newaxis] + np.cumsum(_STEP * np.sin(heading), axis=-1)
-    room = clearance(lattice, x, y)
-    return room.min(axis=-1), np.minimum(room, 1.0).mean(axis=-1)
+    clearances = clearance(lattice, x, y)
+    return clearances.min(axis=-1), np.minimum(clearances, 1.0).mean(axis=-1)

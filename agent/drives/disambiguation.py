@@ -1,8 +1,8 @@
-"""A way to tell a few possible poses apart: multi-hypothesis active localization.
+"""How to tell a few possible poses apart: multi-hypothesis active localization.
 
-When a handful of poses is left, the robot knows a lot about what it would see: on the same way relative to
-itself, every hypothesis foretells its own readings. The ways that are free under all hypotheses form one
-graph over relative poses. On it the quickest way to every relative place is found, the evidence between each
+When a handful of poses is left, the robot knows a lot about what it would see: on the same path relative to
+itself, every hypothesis predicts its own readings. The paths that are free under all hypotheses form one
+graph over relative poses. On it the quickest path to every relative place is found, the evidence between each
 pair of hypotheses is added up along it, and the place with the greatest expected drop of entropy for the
 time that it takes to get there is the goal (Jensfelt and Kristensen, *Active global localization for a
 mobile robot using multiple hypothesis tracking*, 2001; Thrun, Burgard, Fox, *Probabilistic Robotics*,
@@ -19,17 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.clearance import clearance
+from ciberrato.arrays import Floats, Integers
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.tables.pose_tables import PoseTables
 from ciberrato.localization.tables.reading_codes import code_distances
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 _SPACING = 0.35
 _RADIUS = 18  # nodes to each side
-_ROOM = 0.56  # units of clearance that a node must have
-_WAY_OUT = 0.5
+_CLEARANCE = 0.56  # units of clearance that a node must have
+_LEAVING = 0.5
 _DIRECTIONS = 8
 _SPEED = 0.14  # units a cycle
 _TURN_RATE = 0.27  # radians a cycle
@@ -38,7 +37,7 @@ _EXPONENT = 0.4
 _CLIP = 5.0
 """Evidence that a cycle can give at most, as a natural logarithm, untempered."""
 _STOP = 5.0
-"""Cycles added to every way, so that none is chosen for its shortness only."""
+"""Cycles added to every path, so that none is chosen for its shortness only."""
 _LONGEST = 70.0
 _PLACE, _TURN = 0.12, 0.07
 """Units and radians by which the pose of a hypothesis may be out."""
@@ -52,12 +51,12 @@ _ERRORS = (
 )
 
 FIRST_TURNS: Floats = np.arange(_DIRECTIONS, dtype=np.float64) * (2.0 * math.pi / _DIRECTIONS)
-"""Turns in radians with which a way may begin."""
+"""Turns in radians with which a path may begin."""
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """The first leg of the way that is expected to tell most.
+class Plan:
+    """The first leg of the path that is expected to tell most.
 
     Attributes
     ----------
@@ -66,9 +65,9 @@ class Way:
     length : float
         Units to drive then.
     gain : float
-        Expected drop of entropy on the whole way, in nats.
+        Expected drop of entropy on the whole path, in nats.
     cycles : float
-        Time of the whole way.
+        Time of the whole path.
     """
 
     turn: float
@@ -77,11 +76,11 @@ class Way:
     cycles: float
 
 
-class Foretelling:
+class PredictedReadings:
     """What a robot would sense under each hypothesis.
 
     A hypothesis is a little out of place, and an edge that is just in view is not in view a little aside. So
-    what is foretold is a range for each sensor: all that is expected within the error of the pose.
+    what is predicted is a range for each sensor: all that is expected within the error of the pose.
 
     Parameters
     ----------
@@ -133,8 +132,8 @@ class Foretelling:
 
 def plan(
     tables: PoseTables, hypotheses: list[PoseEstimate], noise: float, barred: NDArray[np.bool_]
-) -> Way | None:
-    """Find the way that tells some hypotheses apart best for the time that it takes.
+) -> Plan | None:
+    """Find the path that tells some hypotheses apart best for the time that it takes.
 
     Parameters
     ----------
@@ -148,8 +147,8 @@ def plan(
 
     Returns
     -------
-    Way or None
-        None if there is no way that is free under all hypotheses.
+    Plan or None
+        None if there is no path that is free under all hypotheses.
     """
     poses = np.array([(h.x, h.y, h.heading) for h in hypotheses])
     weights = np.array([h.probability for h in hypotheses])
@@ -163,7 +162,7 @@ def plan(
     gain = _gain(weights, evidence)
     best = int((gain / (times[reached] + _STOP)).argmax())
     turn, length = _first_leg(int(reached[best]), parents)
-    return Way(turn, length, float(gain[best]), float(times[reached[best]]))
+    return Plan(turn, length, float(gain[best]), float(times[reached[best]]))
 
 
 _SIDE = 2 * _RADIUS + 1
@@ -193,28 +192,30 @@ def _places(
 def _free(tables: PoseTables, poses: Floats) -> NDArray[np.bool_]:
     """Say which relative places are free under all hypotheses."""
     ahead, left = _relative()
-    room = clearance(tables.lattice, *_places(poses, ahead, left))
-    here = room[:, _RADIUS, _RADIUS][:, np.newaxis, np.newaxis]
-    near = np.hypot(ahead, left) < _WAY_OUT
-    free: NDArray[np.bool_] = np.all((room >= _ROOM) | (near & (room >= here) & (room > 0.0)), axis=0)
+    clearances = clearance(tables.lattice, *_places(poses, ahead, left))
+    here = clearances[:, _RADIUS, _RADIUS][:, np.newaxis, np.newaxis]
+    near = np.hypot(ahead, left) < _LEAVING
+    free: NDArray[np.bool_] = np.all(
+        (clearances >= _CLEARANCE) | (near & (clearances >= here) & (clearances > 0.0)), axis=0
+    )
     return free
 
 
-def _quickest(free: NDArray[np.bool_], barred: NDArray[np.bool_]) -> tuple[Floats, Indices]:
-    """Find the quickest way to every place and direction of arrival.
+def _quickest(free: NDArray[np.bool_], barred: NDArray[np.bool_]) -> tuple[Floats, Integers]:
+    """Find the quickest path to every place and direction of arrival.
 
     Returns
     -------
     times : array, shape (8 * nodes,)
-        Cycles; infinite where there is no way.
+        Cycles; infinite where there is no path.
     parents : array of int, shape (8 * nodes,)
-        The place and direction before; -1 at the start and where there is no way.
+        The place and direction before; -1 at the start and where there is no path.
     """
     times = np.full((_DIRECTIONS, _SIDE, _SIDE), np.inf)
     parents = np.full((_DIRECTIONS, _SIDE, _SIDE), -1, np.int64)
     numbers = np.arange(_NODES).reshape(_SIDE, _SIDE)
     free = free.copy()
-    free[_RADIUS, _RADIUS] = False  # no way leads back
+    free[_RADIUS, _RADIUS] = False  # no path leads back
     for step in range(_RADIUS * 3):
         changed = False
         for direction, (dx, dy) in enumerate(_MOVES):
@@ -248,18 +249,20 @@ def _shifted(dx: int, dy: int) -> tuple[tuple[slice, slice], tuple[slice, slice]
 
 
 def _evidence(
-    tables: PoseTables, poses: Floats, noise: float, times: Floats, parents: Indices, reached: Indices
+    tables: PoseTables, poses: Floats, noise: float, times: Floats, parents: Integers, reached: Integers
 ) -> Floats:
-    """Add up the evidence between hypotheses along the ways; shape (reached, hypotheses, hypotheses)."""
-    foretell = Foretelling(tables, noise)
+    """Add up the evidence between hypotheses along the paths; shape (reached, hypotheses, hypotheses)."""
+    predict_readings = PredictedReadings(tables, noise)
     direction, node = reached // _NODES, reached % _NODES
     ahead = (node % _SIDE - _RADIUS) * _SPACING
     left = (node // _SIDE - _RADIUS) * _SPACING
     x, y = _places(poses, ahead, left)
     heading = poses[:, 2][:, np.newaxis] + _ANGLES[direction]
-    apart = _apart(foretell(x, y, heading)) * (_LENGTHS[direction] / _SPEED)[:, np.newaxis, np.newaxis]
+    apart = (
+        _apart(predict_readings(x, y, heading)) * (_LENGTHS[direction] / _SPEED)[:, np.newaxis, np.newaxis]
+    )
     # Ways that begin with a turn see what is to be seen on it, first.
-    turning = _turning(foretell, poses)
+    turning = _turning(predict_readings, poses)
     start = _RADIUS * _SIDE + _RADIUS
     first = parents[reached] == start
     apart[first] += turning[direction[first]]
@@ -274,13 +277,13 @@ def _evidence(
     return total[:-1]
 
 
-def _turning(foretell: Foretelling, poses: Floats) -> Floats:
+def _turning(predict_readings: PredictedReadings, poses: Floats) -> Floats:
     """Evidence gathered by turning in place to each direction; shape (8, hypotheses, hypotheses)."""
     looks = 2 * _DIRECTIONS
     angles = 2.0 * math.pi / looks * np.arange(looks)
     shape = (len(poses), looks)
     x, y = np.broadcast_to(poses[:, :1], shape), np.broadcast_to(poses[:, 1:2], shape)
-    apart = _apart(foretell(x, y, poses[:, 2:] + angles)) * (2.0 * math.pi / looks / _TURN_RATE)
+    apart = _apart(predict_readings(x, y, poses[:, 2:] + angles)) * (2.0 * math.pi / looks / _TURN_RATE)
     turned = [np.zeros_like(apart[0])]
     for direction in range(1, _DIRECTIONS):
         steps = min(direction, _DIRECTIONS - direction) * 2
@@ -298,13 +301,13 @@ def _apart(foretold: tuple[Floats, Floats]) -> Floats:
 
 
 def _gain(weights: Floats, evidence: Floats) -> Floats:
-    """Give the expected drop of the entropy over hypotheses, in nats; shape (ways,)."""
+    """Give the expected drop of the entropy over hypotheses, in nats; shape (paths,)."""
     left = (weights * np.exp(-evidence)).sum(axis=-1)  # of the sum, if the hypothesis of the row is true
     return np.asarray(-(weights * np.log(left)).sum(axis=-1))
 
 
-def _first_leg(state: int, parents: Indices) -> tuple[float, float]:
-    """Go back along a way to its first leg: the turn, and how far straight on."""
+def _first_leg(state: int, parents: Integers) -> tuple[float, float]:
+    """Go back along a path to its first leg: the turn, and how far straight on."""
     chain = [state]
     start = _RADIUS * _SIDE + _RADIUS
     while parents[chain[-1]] not in (-1, start):
@@ -316,5 +319,5 @@ def _first_leg(state: int, parents: Indices) -> tuple[float, float]:
         if entry // _NODES != direction:
             break
         straight += 1
-    angle = math.remainder(float(_ANGLES[direction]), 2.0 * math.pi)
+    angle = short_turn(float(_ANGLES[direction]))
     return angle, straight * float(_LENGTHS[direction])

@@ -5,19 +5,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.drives.base import Command, Decision
+from agent.drives.base import Decision, DriveSetup
 from agent.drives.cell_to_cell import CellDrive
-from agent.drives.clearance import PoseSample, free_ways
+from agent.drives.clearance import PoseSample, free_distances
 from agent.drives.roam import SPRINT, Closed, Roamer
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.arrays import Floats
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
-
-Floats = NDArray[np.float64]
 
 LONGEST_LEG = 4.0
 _TURNS = np.deg2rad(np.arange(-165, 181, 15))
+
+
+def make(setup: DriveSetup) -> ExploreDrive:
+    """Make the drive."""
+    return ExploreDrive(setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise)
 
 
 class ExploreDrive:
@@ -38,7 +42,7 @@ class ExploreDrive:
         self._visits: Floats | None = None
         self._time: int | None = None
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self.note_visit(pose_filter)
         # After a message that another answered, or that never came, the filter knows best.
@@ -53,7 +57,7 @@ class ExploreDrive:
         self._last = decision.command
         return decision
 
-    def note_visit(self, pose_filter: PoseFilter) -> None:
+    def note_visit(self, pose_filter: GridFilter) -> None:
         """Take note of the cell that the robot is in, if that is known."""
         if self._visits is None:
             self._visits = np.zeros((pose_filter.lab.rows + 2, pose_filter.lab.columns + 2))
@@ -64,11 +68,11 @@ class ExploreDrive:
             self._visits *= 0.998
             self._visits[row, column] += 1.0
 
-    def choose(self, pose_filter: PoseFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
+    def choose(self, pose_filter: GridFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
         """Choose the leg into the open; see `agent.drives.roam.ChooseLeg`."""
-        ways = free_ways(pose_filter.tables.lattice, sample, _TURNS, LONGEST_LEG)
-        mean = ways.mean(axis=1)
-        reachable = np.quantile(ways, 0.1, axis=1)
+        distances = free_distances(pose_filter.tables.lattice, sample, _TURNS, LONGEST_LEG)
+        mean = distances.mean(axis=1)
+        reachable = np.quantile(distances, 0.1, axis=1)
         score = 0.5 * mean + np.minimum(reachable, 2.0) - 0.6 * np.abs(_TURNS)
         score -= 1.0 * (np.abs(_TURNS) > math.radians(150.0))
         # Towards what is so near ahead that it stopped the robot there is no way.
@@ -77,12 +81,12 @@ class ExploreDrive:
         best = int(score.argmax())
         return float(_TURNS[best]), max(min(float(reachable[best]) - 0.1, LONGEST_LEG), 1.0)
 
-    def _crowdedness(self, pose_filter: PoseFilter, sample: PoseSample, ways: Floats) -> Floats:
+    def _crowdedness(self, pose_filter: GridFilter, sample: PoseSample, distances: Floats) -> Floats:
         """How often the robot has been where a leg would end; 0 while it is lost."""
         assert self._visits is not None
         if not pose_filter.estimate().certain:
             return np.zeros(len(_TURNS))
-        reach = np.clip(ways, 0.5, 2.5)[:, np.newaxis]
+        reach = np.clip(distances, 0.5, 2.5)[:, np.newaxis]
         heading = sample.heading + _TURNS[:, np.newaxis]
         x = sample.x + reach * np.cos(heading)
         y = sample.y + reach * np.sin(heading)

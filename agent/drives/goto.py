@@ -1,4 +1,4 @@
-"""``goto:X,Y``: finds out where it is, plans the shortest safe way, drives it, and says so with its LEDs."""
+"""``goto:X,Y``: finds out where it is, plans the shortest safe path, drives it, and says so with its LEDs."""
 
 from __future__ import annotations
 
@@ -7,24 +7,23 @@ import math
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.drives.active import ActiveDrive
-from agent.drives.base import STANDSTILL, Command, Decision
+from agent.drives.base import Decision, DriveSetup
 from agent.drives.clearance import clearance
 from agent.drives.safety import Bumper
+from ciberrato.arrays import Floats
 from ciberrato.errors import UsageError
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.lattice import Lattice
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.physics.kinematics import filter_power
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.physics.kinematics import STANDSTILL, Command, filter_wheels
 from ciberrato.protocol.messages import Measures
-
-Floats = NDArray[np.float64]
 
 ARRIVED_WITHIN = 0.15
 """Units from the goal at which the robot stops."""
 _LEAST_CLEARANCE = 0.58
-_ROOMY = 0.85  # units; ways nearer to walls count as longer
+_AMPLE = 0.85  # units; steps nearer to walls count as longer
 _LOOK_AHEAD = 1.0
 _BACK_OFF = 5  # cycles
 _TURN_IN_PLACE = math.radians(25.0)
@@ -36,6 +35,11 @@ class GotoPhase(StrEnum):
     LOCALIZING = "localizing"
     DRIVING = "driving"
     ARRIVED = "arrived"
+
+
+def make(setup: DriveSetup) -> GotoDrive:
+    """Make the drive."""
+    return GotoDrive(setup.argument, setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise)
 
 
 class GotoDrive:
@@ -69,11 +73,10 @@ class GotoDrive:
         self._backing = 0
         self.phase = GotoPhase.LOCALIZING
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
-        left, right = (filter_power(c, w) for c, w in zip(self._last, self._wheels, strict=True))
-        self._wheels = left, right
+        self._wheels = filter_wheels(self._last, self._wheels)
         if self.phase is GotoPhase.ARRIVED:
             return Decision(end_led=True, visiting_led=False, finished="arrived")
         if measures.collision:
@@ -90,7 +93,7 @@ class GotoDrive:
         self._last = decision.command
         return decision
 
-    def _drive(self, pose_filter: PoseFilter) -> Decision:
+    def _drive(self, pose_filter: GridFilter) -> Decision:
         lattice = pose_filter.planning_tables.lattice
         if self._costs is None:
             self._costs = costs_to(lattice, *self._goal)
@@ -102,7 +105,7 @@ class GotoDrive:
         if math.isinf(self._cost(_nearest(lattice, found.x, found.y))):
             return Decision(finished=f"there is no way to {self._goal[0]:g},{self._goal[1]:g}")
         x, y = self._carrot(lattice, found.x, found.y)
-        bearing = math.remainder(math.atan2(y - found.y, x - found.x) - found.heading, 2.0 * math.pi)
+        bearing = short_turn(math.atan2(y - found.y, x - found.x) - found.heading)
         turning = self._wheels[1] - self._wheels[0]
         if abs(bearing) > _TURN_IN_PLACE:
             rate = min(max(bearing - turning, -0.2), 0.2)
@@ -116,7 +119,7 @@ class GotoDrive:
         assert self._costs is not None
         square = _nearest(lattice, x, y)
         reached = (x, y)
-        room = min(_LEAST_CLEARANCE, float(lattice.clearance[square]) - 0.01)
+        least = min(_LEAST_CLEARANCE, float(lattice.clearance[square]) - 0.01)
         for _ in range(round(_LOOK_AHEAD / lattice.resolution)):
             around = [int(lattice.neighbours(dx, dy)[square]) for dx, dy in _STEPS]
             best = min(around, key=lambda other: self._cost(other))
@@ -126,7 +129,7 @@ class GotoDrive:
             place = float(lattice.x[square]), float(lattice.y[square])
             share = np.linspace(0.1, 1.0, 10)
             line_x, line_y = x + share * (place[0] - x), y + share * (place[1] - y)
-            if reached != (x, y) and clearance(lattice, line_x, line_y).min() < room:
+            if reached != (x, y) and clearance(lattice, line_x, line_y).min() < least:
                 return reached
             reached = place
         return reached
@@ -166,7 +169,7 @@ def costs_to(lattice: Lattice, x: float, y: float) -> Floats:
     if math.hypot(lattice.x[goal] - x, lattice.y[goal] - y) > lattice.resolution:
         raise UsageError(f"goto:{x:g},{y:g}: a robot cannot stand there")
     usable = np.append(lattice.clearance >= min(_LEAST_CLEARANCE, lattice.clearance[goal]), False)
-    factor = 1.0 + 4.0 * np.maximum(_ROOMY - lattice.clearance, 0.0)
+    factor = 1.0 + 4.0 * np.maximum(_AMPLE - lattice.clearance, 0.0)
     steps = [(lattice.neighbours(dx, dy), lattice.resolution * math.hypot(dx, dy)) for dx, dy in _STEPS]
     costs = np.full(lattice.size, math.inf)
     costs[goal] = 0.0

@@ -13,14 +13,14 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives.base import Command, Decision
+from agent.drives.base import Decision
 from agent.drives.clearance import SAFE_CLEARANCE, PoseSample, arc_clearances, draw
 from agent.drives.safety import Bumper
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.physics.kinematics import MAX_POWER, filter_power
+from ciberrato.arrays import Floats
+from ciberrato.geometry.angles import short_turn
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.physics.kinematics import MAX_POWER, Command, filter_wheels
 from ciberrato.protocol.messages import Measures
-
-Floats = NDArray[np.float64]
 
 _TURN_POWER = 0.15
 SPRINT = 1.5
@@ -95,15 +95,12 @@ class Barred:
         return np.asarray(barred | (np.abs(turns) < bumper.closed))
 
     def _bars(self, turn: float) -> bool:
-        return any(
-            abs(math.remainder(turn + self._turned - heading, 2.0 * math.pi)) < _BARRED
-            for heading in self._headings
-        )
+        return any(abs(short_turn(turn + self._turned - heading)) < _BARRED for heading in self._headings)
 
 
 Closed = Callable[[Floats], NDArray[np.bool_]]
 """Says of turns, in radians, after which there is no way to go on."""
-ChooseLeg = Callable[[PoseFilter, PoseSample, Closed], tuple[float, float]]
+ChooseLeg = Callable[[GridFilter, PoseSample, Closed], tuple[float, float]]
 """Gives the angle to turn by in radians, and the way to go at most in units."""
 
 
@@ -143,7 +140,7 @@ class Roamer:
         """The IR readings as smoothed for safety."""
         return self._bumper
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """See `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
         self._dead_reckon()
@@ -176,8 +173,8 @@ class Roamer:
         self.phase = LegPhase.CHOOSING
 
     def _dead_reckon(self) -> None:
-        left, right = (filter_power(c, w) for c, w in zip(self._last, self._wheels, strict=True))
-        self._wheels = left, right
+        self._wheels = filter_wheels(self._last, self._wheels)
+        left, right = self._wheels
         self._barred.turn(right - left)
         if self.phase is LegPhase.TURNING:
             self._to_turn -= right - left
@@ -188,7 +185,7 @@ class Roamer:
                 self._barred.clear()
                 self._failures = 0
 
-    def _next(self, measures: Measures, pose_filter: PoseFilter) -> Command:
+    def _next(self, measures: Measures, pose_filter: GridFilter) -> Command:
         if measures.collision and self.phase is LegPhase.DRIVING:
             self.phase = LegPhase.CHOOSING
             self._bumper.bumped = True
@@ -214,7 +211,7 @@ class Roamer:
             return (0.0, 0.0) if command is None else command
         return self._turn()
 
-    def _begin_leg(self, pose_filter: PoseFilter) -> None:
+    def _begin_leg(self, pose_filter: GridFilter) -> None:
         self._to_turn, self._to_drive = self._choose(
             pose_filter,
             draw(pose_filter.belief),
@@ -234,7 +231,7 @@ class Roamer:
         # Noisy motors move a robot that turns: off what it all but touches.
         return self._bumper.retreat - rate / 2.0, self._bumper.retreat + rate / 2.0
 
-    def _drive(self, pose_filter: PoseFilter) -> Command | None:
+    def _drive(self, pose_filter: GridFilter) -> Command | None:
         """Go on along the clearest arc; None when the leg is over."""
         speed = self._bumper.speed
         if self._to_drive <= 0.05 or speed <= 0.0:
@@ -262,6 +259,6 @@ class Roamer:
         power = min(power, MAX_POWER - abs(turn) / 2.0)
         return power - turn / 2.0, power + turn / 2.0
 
-    def _lost(self, pose_filter: PoseFilter) -> bool:
+    def _lost(self, pose_filter: GridFilter) -> bool:
         """Whether the belief is too wide to forbid anything."""
         return pose_filter.belief.states > 20_000

@@ -99,12 +99,12 @@ class Bumper:
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
         return min(beside, _SLOWEST) if self._closing > _CLOSING else beside
 
-    def limit(self, way: float) -> float:
+    def limit(self, moved: float) -> float:
         """Give the fastest command from which the robot still stops before what is ahead.
 
         Parameters
         ----------
-        way : float
+        moved : float
             Units by which the wheels run on.
 
         Returns
@@ -112,8 +112,8 @@ class Bumper:
         float
             Units a cycle, not below 0.
         """
-        room = 1.0 / max(self.ahead, 1e-3) - STOP_SHORT
-        return min(max(room - way, 0.0), self._beside_speed * MAX_POWER)
+        free = 1.0 / max(self.ahead, 1e-3) - STOP_SHORT
+        return min(max(free - moved, 0.0), self._beside_speed * MAX_POWER)
 
     @property
     def open(self) -> bool:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.offline.summary import Cell, cell_name
+from agent.offline.summary import cell_name
+from ciberrato.arrays import Floats
 from ciberrato.errors import UsageError
-
-Array = NDArray[np.float64]
+from ciberrato.world.coordinates import Cell
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,14 +30,14 @@ class Comparison:
         Blocks that only the first, and only the second, has.
     """
 
-    differences: Array
-    greatest: Array
+    differences: Floats
+    greatest: Floats
     cells: tuple[Cell, ...]
-    divergence: Array
+    divergence: Floats
     surplus: tuple[int, int]
 
 
-def compare_beliefs(first: Array, second: Array) -> Comparison:
+def compare_beliefs(first: Floats, second: Floats) -> Comparison:
     """Compare two runs block by block.
 
     Parameters
@@ -74,7 +73,7 @@ def compare_beliefs(first: Array, second: Array) -> Comparison:
     )
 
 
-def jensen_shannon(p: Array, q: Array) -> float:
+def jensen_shannon(p: Floats, q: Floats) -> float:
     """Give the Jensen-Shannon divergence of two beliefs.
 
     Parameters
@@ -92,7 +91,7 @@ def jensen_shannon(p: Array, q: Array) -> float:
     p, q = p / p.sum(), q / q.sum()
     middle = (p + q) / 2
 
-    def relative_entropy(r: Array) -> float:
+    def relative_entropy(r: Floats) -> float:
         seen = r > 0
         return float((r[seen] * np.log2(r[seen] / middle[seen])).sum())
 

@@ -1,7 +1,7 @@
 """What the sensors would read in every cell, worked out in a thread of its own while the robot drives.
 
-The control loop never waits for the thread. It is told the announced noise (`GroundTruthWorker.announce`)
-once the simulator has answered, and asked for its tables (`GroundTruthWorker.result`) when the run is over.
+The control loop never waits for the thread. `ExpectedReadingsWorker.announce` tells it the announced noise
+once the simulator has answered, and `ExpectedReadingsWorker.result` asks for its tables after the run.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ciberrato.errors import LabError
+from ciberrato.world.coordinates import SensorAngles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,11 +21,9 @@ if TYPE_CHECKING:
     from ciberrato.world.lab import Lab, Wall
     from ciberrato.world.parameters import Parameters
 
-Angles = tuple[float, float, float, float]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class GroundTruth:
+class ExpectedReadings:
     """Ideal readings and open ways of every cell of a lab. Row 0 is the bottom row.
 
     Attributes
@@ -111,9 +110,9 @@ def pose_error_nodes(
     return np.stack(grids, axis=-1).reshape(-1, 3), products.ravel()
 
 
-def compute_ground_truth(
-    lab: Lab, angles: Angles, parameters: Parameters | None = None, *, model: DistanceModel = "sensor"
-) -> GroundTruth:
+def compute_expected_readings(
+    lab: Lab, angles: SensorAngles, parameters: Parameters | None = None, *, model: DistanceModel = "sensor"
+) -> ExpectedReadings:
     """Work out the tables at once, in the calling thread.
 
     Parameters
@@ -128,7 +127,7 @@ def compute_ground_truth(
 
     Returns
     -------
-    GroundTruth
+    ExpectedReadings
     """
     import numpy as np
 
@@ -136,19 +135,19 @@ def compute_ground_truth(
 
     east, north = cell_openings(lab)
     readings = cell_readings(lab, angles, model=model)
-    free = standing_room(lab)
+    free = standable_cells(lab)
     if parameters is None or parameters.motors_noise <= 0.0:
-        return GroundTruth(
+        return ExpectedReadings(
             readings=readings, east=east, north=north, free=free, offsets=np.zeros((1, 3)), weights=np.ones(1)
         )
     offsets, weights = pose_error_nodes(pose_error(parameters))
     spread = cell_readings(lab, angles, model=model, offsets=offsets)
-    return GroundTruth(
+    return ExpectedReadings(
         readings=readings, east=east, north=north, free=free, offsets=offsets, weights=weights, spread=spread
     )
 
 
-def standing_room(lab: Lab) -> NDArray[np.bool_]:
+def standable_cells(lab: Lab) -> NDArray[np.bool_]:
     """Tell in which cell centres a robot can stand.
 
     Parameters
@@ -180,7 +179,7 @@ def _thickness(wall: Wall) -> float:
     return min(max(xs) - min(xs), max(ys) - min(ys))
 
 
-class GroundTruthWorker:
+class ExpectedReadingsWorker:
     """Works the tables out in a thread of its own.
 
     Parameters
@@ -189,20 +188,20 @@ class GroundTruthWorker:
     angles : tuple of four float
         Mounting angles of the sensors in degrees.
     model : str
-        As in `compute_ground_truth`.
+        As in `compute_expected_readings`.
     """
 
-    def __init__(self, lab: Lab, angles: Angles, *, model: DistanceModel = "sensor") -> None:
+    def __init__(self, lab: Lab, angles: SensorAngles, *, model: DistanceModel = "sensor") -> None:
         self._lab = lab
-        self._angles: Angles = angles
+        self._angles: SensorAngles = angles
         self._model: DistanceModel = model
         self._parameters: Parameters | None = None
         self._announced = threading.Event()
         self._abandoned = False
-        self._tables: GroundTruth | None = None
+        self._tables: ExpectedReadings | None = None
         self.error: BaseException | None = None
         """What went wrong, as soon as it has."""
-        self._thread = threading.Thread(target=self._run, name="ground truth", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="expected readings", daemon=True)
 
     def start(self) -> None:
         """Start the thread; it loads numpy at once and then waits for the announcement."""
@@ -218,12 +217,12 @@ class GroundTruthWorker:
         self._parameters = parameters
         self._announced.set()
 
-    def result(self) -> GroundTruth:
+    def result(self) -> ExpectedReadings:
         """Wait for the tables.
 
         Returns
         -------
-        GroundTruth
+        ExpectedReadings
 
         Raises
         ------
@@ -251,9 +250,13 @@ class GroundTruthWorker:
             self._announced.wait()
             if self._abandoned:
                 return
-            self._tables = compute_ground_truth(self._lab, self._angles, self._parameters, model=self._model)
+            self._tables = compute_expected_readings(
+                self._lab, self._angles, self._parameters, model=self._model
+            )
         except MemoryError:
             size = f"{self._lab.rows} x {self._lab.columns} cells"
-            self.error = LabError(f"not enough memory for the ground truth of {size}", source=self._lab.name)
+            self.error = LabError(
+                f"not enough memory for the expected readings of {size}", source=self._lab.name
+            )
         except BaseException as error:
             self.error = error

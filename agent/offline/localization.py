@@ -10,12 +10,12 @@ from agent.offline.localizer import Localization, Preset, localize
 from ciberrato.files.beliefs import write_beliefs
 
 if TYPE_CHECKING:
-    from agent.offline.expected_readings import GroundTruth
+    from agent.offline.expected_readings import ExpectedReadings
     from ciberrato.files.run_records import RecordedRun, RunHeader
     from ciberrato.world.lab import Lab
 
 
-def ground_truth_of(header: RunHeader, lab: Lab) -> GroundTruth:
+def expected_readings_of(header: RunHeader, lab: Lab) -> ExpectedReadings:
     """Work out the tables that the filter needs for a run.
 
     Parameters
@@ -26,20 +26,24 @@ def ground_truth_of(header: RunHeader, lab: Lab) -> GroundTruth:
 
     Returns
     -------
-    GroundTruth
+    ExpectedReadings
     """
-    from agent.offline.expected_readings import compute_ground_truth
+    from agent.offline.expected_readings import compute_expected_readings
 
-    return compute_ground_truth(lab, header.sensor_angles, header.parameters, model=header.distance_model)
+    return compute_expected_readings(
+        lab, header.sensor_angles, header.parameters, model=header.distance_model
+    )
 
 
-def localize_run(run: RecordedRun, truth: GroundTruth, *, preset: Preset | None = None) -> Localization:
+def localize_run(
+    run: RecordedRun, expected: ExpectedReadings, *, preset: Preset | None = None
+) -> Localization:
     """Run the filter over the steps of a recorded run, as far as it goes.
 
     Parameters
     ----------
     run : RecordedRun
-    truth : GroundTruth
+    expected : ExpectedReadings
         For the lab and the sensor angles of the run.
     preset : {"seed", "calibrated"} or None
         None = that of the run.
@@ -50,21 +54,21 @@ def localize_run(run: RecordedRun, truth: GroundTruth, *, preset: Preset | None 
     """
     return localize(
         [step.readings for step in run.steps],
-        truth,
+        expected,
         preset=run.header.preset if preset is None else preset,
         obstacle_noise=run.header.parameters.obstacle_noise,
     )
 
 
 def write_localization(
-    run: RecordedRun, truth: GroundTruth, *, preset: Preset, output: Path, precision: int = 3
+    run: RecordedRun, expected: ExpectedReadings, *, preset: Preset, output: Path, precision: int = 3
 ) -> Localization:
     """Run the filter over a recorded run and write its beliefs.
 
     Parameters
     ----------
     run : RecordedRun
-    truth : GroundTruth
+    expected : ExpectedReadings
         For the lab and the sensor angles of the run.
     preset : {"seed", "calibrated"}
     output : Path
@@ -81,7 +85,7 @@ def write_localization(
     UsageError
         If the file cannot be written.
     """
-    localization = localize_run(run, truth, preset=preset)
+    localization = localize_run(run, expected, preset=preset)
     write_beliefs(output, localization.beliefs, precision)
     return localization
 

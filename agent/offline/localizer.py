@@ -24,16 +24,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.bayes.filtering import update
 from ciberrato.bayes.motion.blocked_shift import BlockedShift, Openings
 from ciberrato.infrared.model import reading_log_likelihood
 
 if TYPE_CHECKING:
-    from agent.offline.expected_readings import GroundTruth
+    from agent.offline.expected_readings import ExpectedReadings
 
-Array = NDArray[np.float64]
 Preset = Literal["seed", "calibrated"]
 PRESETS: tuple[Preset, ...] = ("seed", "calibrated")
 
@@ -60,14 +59,14 @@ class Localization:
         The steps at which the filter restarted.
     """
 
-    beliefs: Array
-    log_evidence: Array
+    beliefs: Floats
+    log_evidence: Floats
     recoveries: tuple[int, ...]
 
 
 def localize(
     readings: Sequence[Sequence[float | None]],
-    truth: GroundTruth,
+    expected: ExpectedReadings,
     *,
     preset: Preset = "calibrated",
     obstacle_noise: float = 0.1,
@@ -78,7 +77,7 @@ def localize(
     ----------
     readings : sequence of shape (steps, sensors)
         Readings at the start cell and at the centre of each cell entered; None or nan where there is none.
-    truth : GroundTruth
+    expected : ExpectedReadings
         What each sensor should read in each cell, and between which cells there is no wall.
     preset : {"seed", "calibrated"}
         See the module's text.
@@ -92,9 +91,9 @@ def localize(
     Raises
     ------
     ValueError
-        If the readings have not as many sensors as the ground truth, or the preset is unknown.
+        If the readings have not as many sensors as were expected, or the preset is unknown.
     """
-    rows, columns, sensors = truth.readings.shape
+    rows, columns, sensors = expected.readings.shape
     observed = np.array(readings, dtype=float)  # None becomes nan
     if len(observed) and observed.shape[1] != sensors:
         raise ValueError(f"{observed.shape[1]} readings a step for {sensors} sensors")
@@ -102,9 +101,9 @@ def localize(
         prior = np.full((rows, columns), 1.0 / (rows * columns))
         motion = BlockedShift(openings=Openings.free(rows, columns), blocked="lose")
     elif preset == "calibrated":
-        free = truth.free if truth.free.any() else np.ones((rows, columns), dtype=bool)
+        free = expected.free if expected.free.any() else np.ones((rows, columns), dtype=bool)
         prior = free / free.sum()
-        motion = BlockedShift(openings=Openings(east=truth.east, north=truth.north), blocked="lose")
+        motion = BlockedShift(openings=Openings(east=expected.east, north=expected.north), blocked="lose")
     else:
         raise ValueError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
     beliefs = [prior]
@@ -113,10 +112,10 @@ def localize(
     for step, reading in enumerate(observed):
         predicted = beliefs[-1] if step == 0 else motion.predict(beliefs[-1], "east")
         if preset == "seed":
-            log_likelihood = seed_log_likelihood(reading, truth.readings)
+            log_likelihood = seed_log_likelihood(reading, expected.readings)
         else:
             noise = max(obstacle_noise, LEAST_NOISE)
-            log_likelihood = calibrated_log_likelihood(reading, truth, noise, at_start=step == 0)
+            log_likelihood = calibrated_log_likelihood(reading, expected, noise, at_start=step == 0)
         posterior, log_evidence[step] = update(predicted, log_likelihood, on_impossible="likelihood")
         if log_evidence[step] == -np.inf:
             recoveries.append(step)
@@ -124,7 +123,7 @@ def localize(
     return Localization(beliefs=np.array(beliefs), log_evidence=log_evidence, recoveries=tuple(recoveries))
 
 
-def seed_log_likelihood(reading: Array, expected: Array) -> Array:
+def seed_log_likelihood(reading: Floats, expected: Floats) -> Floats:
     """Give the published method's log-likelihood of a step in every cell, up to a constant.
 
     Parameters
@@ -144,15 +143,15 @@ def seed_log_likelihood(reading: Array, expected: Array) -> Array:
 
 
 def calibrated_log_likelihood(
-    reading: Array, truth: GroundTruth, obstacle_noise: float, *, at_start: bool
-) -> Array:
+    reading: Floats, expected: ExpectedReadings, obstacle_noise: float, *, at_start: bool
+) -> Floats:
     """Give the exact log-probability of the rounded readings of a step in every cell.
 
     Parameters
     ----------
     reading : ndarray, shape (sensors,)
         nan where there is none.
-    truth : GroundTruth
+    expected : ExpectedReadings
         With the readings at the pose errors that motor noise makes likely at a crossing.
     obstacle_noise : float
         Standard deviation in 1/units.
@@ -165,17 +164,17 @@ def calibrated_log_likelihood(
         Natural logarithm; averaged, as a probability, over the pose errors unless `at_start`.
     """
     seen = ~np.isnan(reading)
-    if at_start or truth.spread is None:
-        return _joint(reading[seen], truth.readings[..., seen], obstacle_noise)
-    each = _joint(reading[seen], truth.spread[..., seen], obstacle_noise)  # (errors, rows, columns)
+    if at_start or expected.spread is None:
+        return _joint(reading[seen], expected.readings[..., seen], obstacle_noise)
+    each = _joint(reading[seen], expected.spread[..., seen], obstacle_noise)  # (errors, rows, columns)
     with np.errstate(divide="ignore"):  # a pose error of weight 0 has the logarithm -inf, rightly
-        each = each + np.log(truth.weights)[:, None, None]
+        each = each + np.log(expected.weights)[:, None, None]
     best = each.max(axis=0)
     scale = np.where(np.isfinite(best), best, 0.0)
     with np.errstate(divide="ignore"):
         return np.asarray(scale + np.log(np.exp(each - scale).sum(axis=0)))
 
 
-def _joint(reading: Array, expected: Array, obstacle_noise: float) -> Array:
+def _joint(reading: Floats, expected: Floats, obstacle_noise: float) -> Floats:
     # The sensors' errors are independent: their log-probabilities add up.
     return np.asarray(reading_log_likelihood(reading, expected, obstacle_noise).sum(axis=-1))

@@ -12,48 +12,124 @@ import hashlib
 from pathlib import Path
 
 from agent.drives.right.controller import make_cycle
-from agent.drives.right.tracker import STANDSTILL, CellTracker
-from ciberrato.errors import LabError, UsageError
+from agent.drives.right.tracker import CellTracker
+from ciberrato.errors import UsageError
+from ciberrato.files.log_kind import is_simulator_log as is_simulator_log
 from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
-from ciberrato.files.simulator_log import LogStream
+from ciberrato.files.simulator_log import LogHeader, LogRecord, LogStream
+from ciberrato.physics.kinematics import STANDSTILL
+from ciberrato.world.coordinates import PoseInDegrees, SensorAngles
 from ciberrato.world.lab import Lab
 
-Angles = tuple[float, float, float, float]
+
+class LogReplay:
+    """Follows one robot through a simulator's log, record by record.
+
+    Parameters
+    ----------
+    log : LogHeader
+    angles : tuple of four float
+        Mounting angles of the robot's IR sensors in degrees.
+    robot : int
+        Its position number.
+
+    Attributes
+    ----------
+    poses : dict of int to (x, y, heading)
+        Where it really was, by cycle; units and degrees.
+    """
+
+    def __init__(self, log: LogHeader, angles: SensorAngles, robot: int) -> None:
+        self.poses: dict[int, PoseInDegrees] = {}
+        self._log, self._angles, self._robot = log, angles, robot
+        self._tracker = CellTracker(log.parameters, angles)
+        self._command: tuple[float, float] | None = None
+        self._cycles: list[Cycle] = []
+        self._name = ""
+
+    def add(self, record: LogRecord) -> None:
+        """Take the next record; one without the robot is passed over."""
+        logged = record.robot(self._robot)
+        if logged is None:
+            return
+        self._name = logged.name
+        self.poses[record.time] = (logged.x, logged.y, logged.direction)
+        crossing = self._tracker.observe(logged.measures, self._command)
+        if logged.actions is not None:
+            left, right = self._command or STANDSTILL
+            self._command = (
+                left if logged.actions.left_motor is None else logged.actions.left_motor,
+                right if logged.actions.right_motor is None else logged.actions.right_motor,
+            )
+        self._cycles.append(
+            make_cycle(
+                logged.measures,
+                self._tracker,
+                crossing,
+                command=self._command,
+                answered=logged.actions is not None,
+                phase="logged",
+            )
+        )
+
+    @property
+    def run(self) -> RecordedRun:
+        """The run so far, as if the agent had recorded it."""
+        lab = self._log.lab
+        header = RunHeader(
+            lab_name=lab.name,
+            lab_sha256=hashlib.sha256(repr(dataclasses.astuple(lab)).encode()).hexdigest(),
+            parameters=self._log.parameters,
+            n_beacons=self._log.n_beacons,
+            sensor_angles=self._angles,
+            robot_name=self._name,
+            robot_position=self._robot,
+        )
+        return RecordedRun(header, tuple(self._cycles))
 
 
-def is_simulator_log(path: Path) -> bool:
-    """Tell whether a file begins like a simulator's log and not like an agent's.
+def replay_of(path: Path, angles: SensorAngles, *, robot: int | None = None) -> tuple[LogReplay, Lab]:
+    """Follow one robot through a whole log.
 
     Parameters
     ----------
     path : Path
+    angles : tuple of four float
+        Mounting angles of the robot's IR sensors in degrees.
+    robot : int or None
+        Its position number; None = the first in the log.
 
     Returns
     -------
-    bool
+    replay : LogReplay
+    lab : Lab
+        As the log holds it.
 
     Raises
     ------
     LabError
-        If it cannot be read.
+        If the file is not a simulator's log.
+    UsageError
+        If that robot is not in it.
     """
-    import gzip
-
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(64)
-            if start.startswith(b"\x1f\x8b"):
-                stream.seek(0)
-                start = gzip.GzipFile(fileobj=stream).read(64)
-    except (OSError, EOFError) as error:
-        raise LabError(
-            f"cannot read the log: {getattr(error, 'strerror', None) or error}", source=str(path)
-        ) from None
-    return start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<Log", b"<?xml", b"<!--"))
+    stream = LogStream(path)
+    records = iter(stream)
+    first = next(records, None)
+    present = [] if first is None else [logged.robot_id for logged in first.robots]
+    if first is None or not present:
+        raise UsageError(f"{path}: the log holds no robot")
+    wanted = present[0] if robot is None else robot
+    if wanted not in present:
+        listed = ", ".join(map(str, present))
+        raise UsageError(f"{path}: the log holds no robot {wanted}; there is {listed}")
+    replay = LogReplay(stream.header, angles, wanted)
+    for record in (first, *records):
+        replay.add(record)
+    return replay, stream.header.lab
 
 
 def run_from_simulator_log(
-    path: Path, angles: Angles, *, robot: int | None = None
+    path: Path, angles: SensorAngles, *, robot: int | None = None
 ) -> tuple[RecordedRun, Lab]:
     """Read one robot's run from a simulator's log.
 
@@ -78,44 +154,5 @@ def run_from_simulator_log(
     UsageError
         If that robot is not in it.
     """
-    stream = LogStream(path)
-    records = iter(stream)
-    first = next(records, None)
-    present = [] if first is None else [logged.robot_id for logged in first.robots]
-    if first is None or not present:
-        raise UsageError(f"{path}: the log holds no robot")
-    wanted = present[0] if robot is None else robot
-    if wanted not in present:
-        listed = ", ".join(map(str, present))
-        raise UsageError(f"{path}: the log holds no robot {wanted}; there is {listed}")
-    log = stream.header
-    tracker = CellTracker(log.parameters, angles)
-    command: tuple[float, float] | None = None
-    cycles: list[Cycle] = []
-    name = ""
-    for record in (first, *records):
-        logged = record.robot(wanted)
-        if logged is None:
-            continue
-        name = logged.name
-        crossing = tracker.observe(logged.measures, command)
-        if logged.actions is not None:
-            left, right = command or STANDSTILL
-            command = (
-                left if logged.actions.left_motor is None else logged.actions.left_motor,
-                right if logged.actions.right_motor is None else logged.actions.right_motor,
-            )
-        answered = logged.actions is not None
-        cycles.append(
-            make_cycle(logged.measures, tracker, crossing, command=command, answered=answered, phase="logged")
-        )
-    header = RunHeader(
-        lab_name=log.lab.name,
-        lab_sha256=hashlib.sha256(repr(dataclasses.astuple(log.lab)).encode()).hexdigest(),
-        parameters=log.parameters,
-        n_beacons=log.n_beacons,
-        sensor_angles=angles,
-        robot_name=name,
-        robot_position=wanted,
-    )
-    return RecordedRun(header, tuple(cycles)), log.lab
+    replay, lab = replay_of(path, angles, robot=robot)
+    return replay.run, lab

@@ -9,14 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.bayes.summaries import entropy_bits, most_likely_cells
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE
-
-Array = NDArray[np.float64]
-Cell = tuple[int, int]
-"""(row, column), from 0 at the bottom left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +32,7 @@ class Peak:
     probability: float
 
 
-def peak(belief: Array) -> Peak:
+def peak(belief: Floats) -> Peak:
     """Find the most likely cells.
 
     Parameters
@@ -66,7 +63,7 @@ def cell_name(cell: Cell) -> str:
     return f"({(column + 0.5) * CELL_SIZE:g}, {(row + 0.5) * CELL_SIZE:g})"
 
 
-def normalized_entropy(belief: Array) -> float:
+def normalized_entropy(belief: Floats) -> float:
     """Give the entropy of a belief that rounding may have left with another sum than 1.
 
     Parameters
@@ -83,7 +80,7 @@ def normalized_entropy(belief: Array) -> float:
 
 
 def step_table(
-    beliefs: Array, true_cells: Sequence[Cell | None] | None = None, *, notes: Sequence[str] = ()
+    beliefs: Floats, true_cells: Sequence[Cell | None] | None = None, *, notes: Sequence[str] = ()
 ) -> str:
     """Tabulate beliefs, a line each.
 
@@ -152,7 +149,7 @@ SHADES = " .:-=+*#%@"
 _RAMP = (17, 18, 19, 25, 31, 37, 71, 107, 143, 221)  # 256-colour codes, dark blue to yellow
 
 
-def heat_map(belief: Array, *, width: int = 80, colour: bool = False) -> str:
+def heat_map(belief: Floats, *, width: int = 80, colour: bool = False) -> str:
     """Draw a belief for a terminal, top row first: percentages, or shades where there is no room.
 
     Parameters
@@ -177,7 +174,7 @@ def heat_map(belief: Array, *, width: int = 80, colour: bool = False) -> str:
     return "\n".join(_band(belief, band, cell, margin, colour) for band in bands)
 
 
-def _band(belief: Array, band: range, cell: int, margin: int, colour: bool) -> str:
+def _band(belief: Floats, band: range, cell: int, margin: int, colour: bool) -> str:
     greatest = np.nanmax(belief) if not np.isnan(belief).all() else np.nan
     lines = []
     for row in range(belief.shape[0] - 1, -1, -1):

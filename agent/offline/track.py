@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.offline.summary import peak
+from ciberrato.arrays import Floats
 from ciberrato.files.run_records import RecordedRun
 from ciberrato.world.lab import CELL_SIZE
 
-Array = NDArray[np.float64]
 
-
-def estimated_track(run: RecordedRun, beliefs: Array) -> Array | None:
+def estimated_track(run: RecordedRun, beliefs: Floats) -> Floats | None:
     """Put the way that was driven where the last belief says that it ended.
 
     The log tells the way relative to the start cell; the most likely cell of the last step, so many cells to
@@ -26,7 +24,8 @@ def estimated_track(run: RecordedRun, beliefs: Array) -> Array | None:
     Returns
     -------
     ndarray, shape (cycles, 3), or None
-        x, y in units and heading in degrees; None if nothing was recorded or the last belief is undefined.
+        x, y in units and heading in degrees; None if nothing was recorded, the last belief is undefined or
+        another drive than the one to the right drove.
     """
     steps = run.steps
     if not steps or np.isnan(beliefs[-1]).any():
@@ -34,6 +33,11 @@ def estimated_track(run: RecordedRun, beliefs: Array) -> Array | None:
     row, column = peak(beliefs[-1]).cells[0]
     start_x = (column - steps[-1].index + 0.5) * CELL_SIZE
     start_y = (row + 0.5) * CELL_SIZE
+    if any(cycle.displacement is None for cycle in run.cycles):
+        return None
     return np.array(
-        [(start_x + cycle.displacement, start_y + cycle.lateral, cycle.heading) for cycle in run.cycles]
+        [
+            (start_x + (cycle.displacement or 0.0), start_y + (cycle.lateral or 0.0), cycle.heading or 0.0)
+            for cycle in run.cycles
+        ]
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from ciberrato.localization.live_filter import LiveFilter
+    from ciberrato.localization.live.live_filter import LiveFilter
 
 Cells = tuple[tuple[int, int, float], ...]
 Modes = tuple[tuple[float, float, float, float], ...]

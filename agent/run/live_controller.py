@@ -7,33 +7,34 @@ import math
 from typing import TYPE_CHECKING
 
 from agent.drives.right.controller import Controller
-from agent.drives.right.tracker import STANDSTILL, Command
+from agent.run.drive_controller import DriveController
 from agent.run.live_belief import BeliefLog
 from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.protocol.messages import Actions, Measures
 
 if TYPE_CHECKING:
-    from agent.drives.base import Decision, Drive
-    from ciberrato.localization.live_filter import LiveFilter
+    from agent.drives.base import Drive
+    from agent.drives.exchange import Exchange
+    from ciberrato.localization.pose_filter import PoseFilter
 
 _ENTROPY_EVERY = 5  # cycles between two looks at the entropy of a belief over very many states
 _MANY = 50_000
 
 
-class LiveController(Controller):
-    """Lets the pose filter take every message in, and a drive decide on the answer.
+class LiveController:
+    """Lets the pose filter take every message in, and a controller decide on the answer.
 
     Parameters
     ----------
     header : RunHeader
         What is known of the run.
-    live : LiveFilter
+    localizer : PoseFilter
     drive : Drive or None
         None: to the right, as `Controller` does it.
     exit_at_wall : bool
-        See `Controller`.
+        See `Controller`; of no matter to other drives.
     exit_when_finished : bool
-        Whether the run is over when the drive has nothing more to do.
+        See `DriveController`.
     lockstep : bool
         Whether the simulator waits for every answer: then no clock has a say in what was in effect when.
     """
@@ -41,28 +42,37 @@ class LiveController(Controller):
     def __init__(
         self,
         header: RunHeader,
-        live: LiveFilter,
+        localizer: PoseFilter,
         drive: Drive | None,
         *,
         exit_at_wall: bool = False,
         exit_when_finished: bool = False,
         lockstep: bool = False,
     ) -> None:
-        super().__init__(header, exit_at_wall=exit_at_wall)
-        self.live = live
-        self.finished: str | None = None
-        """Why the drive has nothing more to do, as soon as that is so."""
+        self.localizer = localizer
+        self.controller: Controller | DriveController = (
+            Controller(header, exit_at_wall=exit_at_wall)
+            if drive is None
+            else DriveController(header.parameters, drive, localizer, exit_when_finished=exit_when_finished)
+        )
         self.cell_entered: tuple[int, int] | None = None
         """The cell that the last message found the robot to have entered, if it did."""
         self._lockstep = lockstep
         self._arrived: float | None = None
-        self._drive = drive
-        self._exit_when_finished = exit_when_finished
-        self._decision: Decision | None = None
         self._cell: tuple[int, int] | None = None
         self._crossings = 0
         self._entropy: float | None = None
-        self._belief_log = BeliefLog(live, live.lab.rows, live.lab.columns)
+        self._belief_log = BeliefLog(localizer.live, localizer.lab.rows, localizer.lab.columns)
+
+    @property
+    def ended(self) -> str | None:
+        """Why the run is over, as soon as it is."""
+        return self.controller.ended
+
+    @property
+    def exchange(self) -> Exchange:
+        """The account of messages and answers."""
+        return self.controller.exchange
 
     def observe(
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
@@ -71,46 +81,25 @@ class LiveController(Controller):
         self._arrived = arrived if newest else None
         if self._lockstep:
             arrived = None
-        if self._time is None or measures.time >= self._time:
-            self.live.observe(measures, self.command_in_effect(arrived))
-        self._decision = None
-        cycle, actions = super().observe(measures, newest=newest, arrived=arrived)
-        if actions is not None and self._decision is not None:
-            actions = dataclasses.replace(
-                actions,
-                end_led=self._decision.end_led,
-                returning_led=self._decision.returning_led,
-                visiting_led=self._decision.visiting_led,
-            )
+        if not self.exchange.is_late(measures):
+            self.localizer.feed(measures, self.exchange.command_in_effect(arrived))
+        cycle, actions = self.controller.observe(measures, newest=newest, arrived=arrived)
         return self._add_pose(cycle, measures), actions
 
     def sent(self, time: float) -> None:
         """See `Controller.sent`."""
-        super().sent(time)
-        if self._arrived is not None and self.live.statistics.ready is not None:
-            self.live.statistics.answers.append(1000.0 * (time - self._arrived))
-
-    def _decide(self, measures: Measures) -> Command:
-        if self._drive is None:
-            return super()._decide(measures)
-        if not measures.start or self.live.filter is None:
-            return STANDSTILL
-        self._decision = decision = self._drive.decide(measures, self.live.filter)
-        if decision.finished is not None:
-            self.finished = decision.finished
-            # Not before the answer that switches the LEDs on has come back.
-            if self._exit_when_finished and decision.end_led is None:
-                self.ended = decision.finished
-        return decision.command
+        self.controller.sent(time)
+        statistics = self.localizer.live.statistics
+        if self._arrived is not None and statistics.ready is not None:
+            statistics.answers.append(1000.0 * (time - self._arrived))
 
     def _add_pose(self, cycle: Cycle, measures: Measures) -> Cycle:
         """Write the live estimate into the record; with a drive, a step is a cell known to be entered."""
-        found = self.live.estimate()
+        found, grid = self.localizer.live.estimate(), self.localizer.live.filter
         self.cell_entered = None
-        if found is None:
+        if found is None or grid is None:
             return self._with_step(cycle, measures, entered=False)
-        assert self.live.filter is not None
-        belief = self.live.filter.belief
+        belief = grid.belief
         if belief.states <= _MANY or self._entropy is None or measures.time % _ENTROPY_EVERY == 0:
             self._entropy = round(belief.entropy_bits(), 3)
         entered = found.certain and found.cell != self._cell
@@ -123,21 +112,10 @@ class LiveController(Controller):
         return dataclasses.replace(cycle, estimate=pose, entropy=self._entropy, cells=cells, modes=modes)
 
     def _with_step(self, cycle: Cycle, measures: Measures, *, entered: bool) -> Cycle:
-        if self._drive is None:
+        if isinstance(self.controller, Controller):  # which takes its steps itself
             return cycle
         first = self._crossings == 0 and measures.start
-        step = self._crossings if first or (entered and self._crossings > 0) else None
-        self._crossings += step is not None
-        return dataclasses.replace(
-            cycle,
-            phase=type(self._drive).__name__.removesuffix("Drive").lower(),
-            step=step,
-            readings=measures.infrared if step is not None else None,
-        )
-
-    def _check_end(self, measures: Measures) -> None:
-        if measures.end_led and self._drive is not None:
-            # Set by the drive itself: it has arrived.
-            self.ended = self.finished or "EndLed is on"
-            return
-        super()._check_end(measures)
+        if not (first or (entered and self._crossings > 0)):
+            return cycle
+        step, self._crossings = self._crossings, self._crossings + 1
+        return dataclasses.replace(cycle, step=step, readings=measures.infrared)

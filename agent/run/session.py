@@ -6,7 +6,7 @@ import contextlib
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from agent.drives.right.phases import Phase
 from agent.run.registration import Answer, register
@@ -15,12 +15,13 @@ from ciberrato.net.link import Arrival, Link, LinkError
 from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
 
 if TYPE_CHECKING:
-    from agent.drives.right.controller import Controller
-    from agent.offline.expected_readings import GroundTruthWorker
+    from collections.abc import Callable
+
+    from agent.drives.exchange import Exchange
     from agent.run.reporter import Reporter
     from agent.run.signals import Interrupts
     from ciberrato.files.run_log import RunWriter
-    from ciberrato.files.run_records import Cycle, DistanceModel, Preset, RunHeader
+    from ciberrato.files.run_records import Cycle, DistanceModel, Preset, RecordedRun, RunHeader
     from ciberrato.world.lab import Lab
 
 _SILENT_CYCLES = 3  # a simulator is not silent before it has missed so many cycles
@@ -86,6 +87,69 @@ class Settings:
     quiet: bool
 
 
+class Responder(Protocol):
+    """What answers the messages of a run; see `agent.drives.right.controller.Controller`."""
+
+    @property
+    def exchange(self) -> Exchange:
+        """The account of messages and answers."""
+
+    @property
+    def ended(self) -> str | None:
+        """Why the run is over, as soon as it is."""
+
+    def observe(
+        self, measures: Measures, *, newest: bool = True, arrived: float | None = None
+    ) -> tuple[Cycle, Actions | None]:
+        """Take in one message and decide on the answer."""
+        ...
+
+    def sent(self, time: float) -> None:
+        """Note when the last answer left."""
+
+
+class Method(Protocol):
+    """How the agent finds out where its robot is; a session calls this, from top to bottom."""
+
+    def prepare(self) -> bool:
+        """Do what comes before the registration; return whether to go on."""
+        ...
+
+    def begin(self) -> None:
+        """Start what may take long. The registration is on its way."""
+
+    def announce(self, header: RunHeader) -> None:
+        """Take in what is known of the run, now that the simulator has answered."""
+
+    def controller(self, header: RunHeader) -> Responder:
+        """Return what answers the messages."""
+        ...
+
+    @property
+    def failure(self) -> str | None:
+        """Why the run cannot go on, if that is so."""
+
+    def report(self, cycle: Cycle) -> None:
+        """Tell the user what is new after a cycle."""
+
+    def finish(self, run: RecordedRun | None, reason: str, stop: Callable[[], None]) -> int:
+        """Write the belief file; return the exit status.
+
+        Parameters
+        ----------
+        run : RecordedRun or None
+            None if the simulator never answered.
+        reason : str
+            Why the run is over.
+        stop : callable
+            Stops the robot.
+        """
+        ...
+
+    def close(self) -> None:
+        """End what was started."""
+
+
 class Session:
     """One run of the agent.
 
@@ -95,13 +159,16 @@ class Session:
     interrupts : Interrupts
         Armed.
     reporter : Reporter
+    method : Method
     """
 
-    def __init__(self, settings: Settings, interrupts: Interrupts, reporter: Reporter) -> None:
+    def __init__(
+        self, settings: Settings, interrupts: Interrupts, reporter: Reporter, method: Method
+    ) -> None:
         self._settings = settings
         self._interrupts = interrupts
         self._reporter = reporter
-        self._worker: GroundTruthWorker | None = None
+        self._method = method
         self._header: RunHeader | None = None
         self._cycles: list[Cycle] = []
 
@@ -119,6 +186,12 @@ class Session:
             If the robot is refused, the simulator falls silent before anything was recorded, or a file cannot
             be written.
         """
+        try:
+            return self._run() if self._method.prepare() else self._interrupts.status
+        finally:
+            self._method.close()
+
+    def _run(self) -> int:
         settings = self._settings
         link = _open_link(settings)
         try:
@@ -134,22 +207,12 @@ class Session:
                 self._interrupts,
                 self._reporter,
                 give_up_after=settings.give_up_after,
-                when_sent=self._start_worker,
+                when_sent=self._method.begin,
             )
             reason = "interrupted" if answer is None else self._drive(link, answer)
             return self._finish(link, reason)
         finally:
             link.close()
-            if self._worker is not None:
-                self._worker.abandon()
-
-    def _start_worker(self) -> None:
-        # Not before the registration is on its way: its imports take most of the start.
-        from agent.offline.expected_readings import GroundTruthWorker
-
-        settings = self._settings
-        self._worker = GroundTruthWorker(settings.lab, settings.angles, model=settings.distance_model)
-        self._worker.start()
 
     def _drive(self, link: Link, answer: Answer) -> str:
         """Answer Measures until something ends the run; return what."""
@@ -159,8 +222,6 @@ class Session:
         from ciberrato.files.run_records import RunHeader
 
         settings, parameters = self._settings, answer.acceptance.parameters
-        assert self._worker is not None
-        self._worker.announce(parameters)
         self._header = RunHeader(
             lab_name=settings.lab_file.name,
             lab_sha256=hashlib.sha256(settings.lab_data).hexdigest(),
@@ -175,35 +236,29 @@ class Session:
             cruise=settings.cruise,
             precision=settings.precision,
         )
+        self._method.announce(self._header)
         self._announce()
         try:
             writer = RunWriter(settings.log, self._header)
         except OSError as error:
             raise UsageError(f"{settings.log}: cannot be written: {error.strerror}") from None
-        controller = self._make_controller()
+        controller = self._method.controller(self._header)
         with writer:
             waiting = [Arrival(data, None) for data in answer.following]
             reason = self._answer_measures(link, controller, writer, waiting)
-        if controller.lost or controller.unanswered:
+        exchange = controller.exchange
+        if exchange.lost or exchange.unanswered:
             self._reporter.warn(
-                f"{controller.lost} cycles without Measures; {controller.unanswered} Measures not "
+                f"{exchange.lost} cycles without Measures; {exchange.unanswered} Measures not "
                 "answered, as newer ones were waiting"
             )
         return reason
 
-    def _make_controller(self) -> Controller:
-        from agent.drives.right.controller import Controller
-
-        assert self._header is not None
-        return Controller(self._header, exit_at_wall=self._settings.exit_at_wall)
-
     def _answer_measures(
-        self, link: Link, controller: Controller, writer: RunWriter, waiting: list[Arrival]
+        self, link: Link, controller: Responder, writer: RunWriter, waiting: list[Arrival]
     ) -> str:
-        silence = max(
-            self._settings.silence,
-            _SILENT_CYCLES * controller.tracker.parameters.cycle_time / 1000.0,
-        )
+        assert self._header is not None
+        silence = max(self._settings.silence, _SILENT_CYCLES * self._header.parameters.cycle_time / 1000.0)
         heard = time.monotonic()
         while True:
             if self._interrupts.received:
@@ -226,8 +281,8 @@ class Session:
                 self._record(cycle, writer)
             if controller.ended is not None:
                 return controller.ended
-            if self._worker is not None and self._worker.error is not None:
-                return "the ground truth failed"
+            if self._method.failure is not None:
+                return self._method.failure
             now = time.monotonic()
             if measures:
                 heard = now
@@ -267,37 +322,14 @@ class Session:
         if cycle.step is not None:
             readings = " ".join("-" if value is None else f"{value:g}" for value in cycle.readings or ())
             self._reporter.say(f"time {cycle.time}: step {cycle.step}, readings {readings}")
+        self._method.report(cycle)
 
     def _finish(self, link: Link, reason: str) -> int:
-        """Stop the robot, run the filter, write the file."""
+        """Let the method run its filter and write the file."""
         from ciberrato.files.run_records import RecordedRun
 
-        interrupts, settings = self._interrupts, self._settings
-        if self._header is None or not any(cycle.step is not None for cycle in self._cycles):
-            if not interrupts.received:
-                raise UsageError(f"{reason}, before anything was recorded; nothing is written")
-            self._reporter.warn(f"{reason} before anything was recorded; nothing is written")
-            return interrupts.status
-        self._reporter.say(f"{reason}; finishing: writing {settings.output} (signals are ignored until then)")
-        self._stop(link)
-        assert self._worker is not None
-        from agent.offline.localization import print_localization, write_localization
-
-        try:
-            localization = write_localization(
-                RecordedRun(self._header, tuple(self._cycles)),
-                self._worker.result(),
-                preset=settings.preset,
-                output=settings.output,
-                precision=settings.precision,
-            )
-        except Exception:
-            self._reporter.warn(f"{settings.output} is not written; the log {settings.log} has the whole run")
-            raise
-        self._stop(link)
-        if not settings.quiet:
-            print_localization(localization, settings.output)
-        return 0
+        run = None if self._header is None else RecordedRun(self._header, tuple(self._cycles))
+        return self._method.finish(run, reason, lambda: self._stop(link))
 
     def _stop(self, link: Link) -> None:
         with contextlib.suppress(LinkError):  # then the robot is out of reach

@@ -7,22 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.offline.localization import ground_truth_of, localize_run
+from agent.offline.localization import expected_readings_of, localize_run
 from agent.offline.summary import peak
 from agent.offline.track import estimated_track
 from agent.views.logfollower import follow
+from ciberrato.arrays import Floats
 from ciberrato.files.run_records import Cycle, RecordedRun
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import GridBelief, OverlayMessage, PoseMark, Shape
 from ciberrato.world.lab import CELL_SIZE
 
 if TYPE_CHECKING:
-    from agent.offline.expected_readings import GroundTruth
+    from agent.offline.expected_readings import ExpectedReadings
     from ciberrato.world.lab import Lab
 
-Array = NDArray[np.float64]
 
 INTERVAL = 0.05
 """Seconds between looks at the log."""
@@ -57,18 +56,18 @@ def show_overlays(
     LabError
         If the file is not the log of a run.
     """
-    truth: GroundTruth | None = None
-    beliefs: Array | None = None
+    expected: ExpectedReadings | None = None
+    beliefs: Floats | None = None
     shown = 0
     for follower in follow(path, interval=INTERVAL, ended=ended, idle_limit=idle_limit):
         run = follower.run
         if run is None or not run.cycles:
             continue
-        if truth is None:
-            truth = ground_truth_of(run.header, lab)
+        if expected is None:
+            expected = expected_readings_of(run.header, lab)
         live = run.cycles[-1].estimate is not None
         if not live and run.steps and (beliefs is None or len(beliefs) != len(run.steps) + 1):
-            beliefs = localize_run(run, truth).beliefs
+            beliefs = localize_run(run, expected).beliefs
             client.send(belief_overlay(run, beliefs))
         news = [cycle for cycle in run.cycles[shown:] if cycle.cells]
         shown = len(run.cycles)
@@ -77,7 +76,7 @@ def show_overlays(
         client.send(pose_overlay(run, beliefs))
 
 
-def belief_overlay(run: RecordedRun, beliefs: Array) -> OverlayMessage:
+def belief_overlay(run: RecordedRun, beliefs: Floats) -> OverlayMessage:
     """Say what the agent believes since its last step, at the cycle of that step.
 
     Parameters
@@ -127,7 +126,7 @@ def live_belief_overlay(run: RecordedRun, cycle: Cycle, lab: Lab) -> OverlayMess
     )
 
 
-def pose_overlay(run: RecordedRun, beliefs: Array | None) -> OverlayMessage:
+def pose_overlay(run: RecordedRun, beliefs: Floats | None) -> OverlayMessage:
     """Say where the agent takes itself to be after the last cycle of a run.
 
     Parameters

@@ -11,13 +11,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.offline.localization import ground_truth_of, localize_run
+from agent.offline.localization import expected_readings_of, localize_run
 from agent.offline.summary import heat_map, step_table
-from agent.views.logfollower import LogFollower, follow
-from ciberrato.files.run_records import RecordedRun
+from agent.views.logfollower import Follower, LogFollower, SimulatorLogFollower, follow
+from ciberrato.files.run_records import Cycle, RecordedRun
+from ciberrato.plaintext import plain
 
 if TYPE_CHECKING:
-    from agent.offline.expected_readings import GroundTruth
+    from agent.offline.expected_readings import ExpectedReadings
+    from ciberrato.world.coordinates import PoseInDegrees
     from ciberrato.world.lab import Lab
 
 INTERVAL = 0.2
@@ -25,10 +27,11 @@ INTERVAL = 0.2
 
 _CLEAR_ALL, _HOME, _CLEAR_LINE, _CLEAR_BELOW = "\x1b[2J", "\x1b[H", "\x1b[K", "\x1b[J"
 _TABLE_ROWS = 5
+_MOST_NAME = 24
 
 
 def watch(
-    path: Path,
+    path: Path | SimulatorLogFollower,
     lab: Lab,
     *,
     out: TextIO | None = None,
@@ -41,8 +44,8 @@ def watch(
 
     Parameters
     ----------
-    path : Path
-        The agent's log; it need not exist yet.
+    path : Path or SimulatorLogFollower
+        The agent's log, which need not exist yet; or a simulator's.
     lab : Lab
         Of the run.
     out : text stream
@@ -63,35 +66,42 @@ def watch(
     """
     out = sys.stdout if out is None else out
     if once:
-        follower = LogFollower(path)
-        follower.poll()
-        print(_screen_of(follower, lab, None, colour)[0], file=out)
+        once_only = LogFollower(path) if isinstance(path, Path) else path
+        once_only.poll()
+        print(_screen_of(once_only, lab, None, colour)[0], file=out)
         return
     print(_CLEAR_ALL, end="", file=out, flush=True)
-    truth: GroundTruth | None = None
+    expected: ExpectedReadings | None = None
     for follower in follow(path, interval=INTERVAL, ended=ended, idle_limit=idle_limit):
-        text, truth = _screen_of(follower, lab, truth, colour)
+        text, expected = _screen_of(follower, lab, expected, colour)
         lines = text.split("\n")[: shutil.get_terminal_size().lines - 1]
         print(_HOME + "".join(line + _CLEAR_LINE + "\n" for line in lines) + _CLEAR_BELOW, end="", file=out)
         out.flush()
 
 
 def _screen_of(
-    follower: LogFollower, lab: Lab, truth: GroundTruth | None, colour: bool
-) -> tuple[str, GroundTruth | None]:
-    if follower.header is not None and truth is None:
-        truth = ground_truth_of(follower.header, lab)
+    follower: Follower, lab: Lab, expected: ExpectedReadings | None, colour: bool
+) -> tuple[str, ExpectedReadings | None]:
+    if follower.header is not None and expected is None:
+        expected = expected_readings_of(follower.header, lab)
     size = shutil.get_terminal_size()
-    return screen(follower.run, truth, width=size.columns, height=size.lines, colour=colour), truth
+    pose = None
+    if isinstance(follower, SimulatorLogFollower) and follower.run.cycles:
+        pose = follower.poses.get(follower.run.cycles[-1].time)
+    shown = screen(
+        follower.run, expected, width=size.columns, height=size.lines, colour=colour, true_pose=pose
+    )
+    return shown, expected
 
 
 def screen(
     run: RecordedRun | None,
-    truth: GroundTruth | None,
+    expected: ExpectedReadings | None,
     *,
     width: int = 80,
     height: int = 24,
     colour: bool = False,
+    true_pose: PoseInDegrees | None = None,
 ) -> str:
     """Say on one screen what the agent is doing and where it believes to be.
 
@@ -99,23 +109,26 @@ def screen(
     ----------
     run : RecordedRun or None
         So far.
-    truth : GroundTruth or None
+    expected : ExpectedReadings or None
     width, height : int
         Of the terminal.
     colour : bool
+    true_pose : (x, y, heading) or None
+        Where the robot really is, units and degrees, if the log tells.
 
     Returns
     -------
     str
         At most `height` - 1 lines of at most `width` characters (escapes aside).
     """
-    if run is None or not run.cycles or truth is None:
+    if run is None or not run.cycles or expected is None:
         return "waiting for the log of a run"
     header, last = run.header, run.cycles[-1]
     button = "running" if last.start else "stopped" if last.stop else "finished"
+    name = plain(header.robot_name, _MOST_NAME) or "robot"
     limit = f" of {header.parameters.sim_time}" if header.parameters.sim_time else ""
     lines = [
-        f"{header.robot_name or 'robot'} in {header.lab_name}: cycle {last.time}{limit}, {last.phase}, "
+        f"{name} in {plain(header.lab_name, _MOST_NAME)}: cycle {last.time}{limit}, {last.phase}, "
         f"simulator {button}{', COLLISION' if last.collision else ''}",
         "IR "
         + "  ".join(
@@ -124,10 +137,11 @@ def screen(
         )
         + f"   compass {'-' if last.compass is None else f'{last.compass:g}'}"
         + f"   motors {'-' if last.command is None else '{:g} {:g}'.format(*last.command)}",
-        f"way {last.displacement:.2f}  beside {last.lateral:+.2f}  heading {last.heading:+.1f}°",
+        _pose_line(last)
+        + ("" if true_pose is None else "   true pose ({:.2f}, {:.2f}) {:.1f}°".format(*true_pose)),
         "",
     ]
-    found = localize_run(run, truth)
+    found = localize_run(run, expected)
     table = step_table(found.beliefs).split("\n")
     picture = heat_map(found.beliefs[-1], width=width, colour=colour).split("\n")
     room = height - 1 - len(lines) - len(picture) - 2
@@ -135,3 +149,13 @@ def screen(
     lines += [table[0], *table[1:][-rows:], "", *picture]
     # A colour's escapes take no room; only the picture has them, and it fits by itself.
     return "\n".join(line if "\x1b" in line else line[:width] for line in lines)
+
+
+def _pose_line(cycle: Cycle) -> str:
+    """Say where the robot takes itself to be: by the drive's dead reckoning, or by the pose filter."""
+    if cycle.displacement is not None and cycle.lateral is not None and cycle.heading is not None:
+        return f"way {cycle.displacement:.2f}  beside {cycle.lateral:+.2f}  heading {cycle.heading:+.1f}°"
+    if cycle.estimate is None:
+        return "the pose filter has no tables yet"
+    x, y, heading, probability = cycle.estimate
+    return f"x {x:.2f}  y {y:.2f}  heading {heading:+.1f}°  p {probability:.3f}"

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.conformance import Row
+from benchmarks.conformance import Finding
 
 CHECKS = (
     "labs",
@@ -75,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
     began = time.perf_counter()
-    table: list[Row] = []
+    table: list[Finding] = []
     for row in all_rows(golden or OWN, labs, arguments.only or CHECKS):
         table.append(row)
         print(_line(row), flush=True)
@@ -90,7 +90,7 @@ def _folder(variable: str) -> Path | None:
     return Path(name) if name else None
 
 
-def all_rows(golden: Path, labs: Path | None, checks: Sequence[str] = CHECKS) -> Iterator[Row]:
+def all_rows(golden: Path, labs: Path | None, checks: Sequence[str] = CHECKS) -> Iterator[Finding]:
     """Run checks one after the other; one that breaks is a failed row, and the others go on.
 
     Parameters
@@ -104,16 +104,16 @@ def all_rows(golden: Path, labs: Path | None, checks: Sequence[str] = CHECKS) ->
 
     Yields
     ------
-    Row
+    Finding
     """
     for name in checks:
         try:
             yield from importlib.import_module(f"{__package__}.{name}").rows(golden, labs)
         except Exception as error:
-            yield Row(name, 0, None, False, f"the check broke: {type(error).__name__}: {error}")
+            yield Finding(name, 0, None, False, f"the check broke: {type(error).__name__}: {error}")
 
 
-def _line(row: Row) -> str:
+def _line(row: Finding) -> str:
     difference = "" if row.difference is None else f"{row.difference:.1e}"
     verdict = "ok" if row.passed and row.cases else "skipped" if row.passed else "DIFFERS"
     return f"{row.check:36} {row.cases:>9,} {difference:>9}  {verdict:8} {row.note}".rstrip()

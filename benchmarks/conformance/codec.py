@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from benchmarks.conformance import Row
+from benchmarks.conformance import Finding
 from benchmarks.conformance.recordings import Datagram, Session, seed_runs, sessions
 from ciberrato.errors import ProtocolError, UsageError
 from ciberrato.protocol import (
@@ -59,12 +59,12 @@ _DECODERS: dict[str, Callable[[bytes], ClientMessage]] = {
 }
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield the rows of this check."""
     del labs
     recordings = [*sessions(golden), *seed_runs(golden)]
     if not recordings:
-        yield Row("codec", 0, None, True, "skipped: neither transcripts nor seed_runs here")
+        yield Finding("codec", 0, None, True, "skipped: neither transcripts nor seed_runs here")
     else:
         yield from _simulator_rows(recordings)
         yield from _client_rows(recordings)
@@ -74,7 +74,7 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
 # --- what the simulator sent -----------------------------------------------------------------------
 
 
-def _simulator_rows(recordings: list[Session]) -> Iterator[Row]:
+def _simulator_rows(recordings: list[Session]) -> Iterator[Finding]:
     cases = wrong = 0
     first_wrong = ""
     exceptions: dict[str, Counter[str]] = {NOT_UTF8: Counter(), NOT_ESCAPED: Counter()}
@@ -92,12 +92,12 @@ def _simulator_rows(recordings: list[Session]) -> Iterator[Row]:
                 first_wrong = first_wrong or datagram.source
     special = sum(counter.total() for counter in exceptions.values())
     note = f"{cases - special} come back to the byte, {special} are not XML (listed below)"
-    yield Row(
+    yield Finding(
         "codec: simulator", cases, None, wrong == 0, f"{wrong} wrong, first {first_wrong}" if wrong else note
     )
     for reason, counter in exceptions.items():
         if counter:
-            yield Row(
+            yield Finding(
                 "codec: simulator, exception", counter.total(), None, True, f"{reason} ({_places(counter)})"
             )
 
@@ -150,7 +150,7 @@ def _exception_holds(data: bytes, reason: str) -> bool:
 # --- what clients sent -------------------------------------------------------------------------------
 
 
-def _client_rows(recordings: list[Session]) -> Iterator[Row]:
+def _client_rows(recordings: list[Session]) -> Iterator[Finding]:
     cases = refused = unread = wrong = 0
     first_wrong = ""
     deliberate: dict[str, Counter[str]] = {}
@@ -187,11 +187,13 @@ def _client_rows(recordings: list[Session]) -> Iterator[Row]:
         f"{cases - refused - special} are messages, {refused} are refused as the real simulator did,"
         f" {special} on purpose (listed below); {unread} more went to ports where nobody reads"
     )
-    yield Row(
+    yield Finding(
         "codec: clients", cases, None, wrong == 0, f"{wrong} wrong, first {first_wrong}" if wrong else note
     )
     for reason, counter in deliberate.items():
-        yield Row("codec: clients, exception", counter.total(), None, True, f"{reason} ({_places(counter)})")
+        yield Finding(
+            "codec: clients, exception", counter.total(), None, True, f"{reason} ({_places(counter)})"
+        )
 
 
 def _means_the_same(decode: Callable[[bytes], ClientMessage], message: ClientMessage) -> bool:
@@ -237,12 +239,12 @@ def _survives(datagram: Datagram) -> None:
 # --- the same texts in other documents ---------------------------------------------------------------
 
 
-def _document_rows(golden: Path) -> Iterator[Row]:
+def _document_rows(golden: Path) -> Iterator[Finding]:
     grids = golden / "ir" / "grids.jsonl.gz"
     if grids.exists():
         texts = [record["to_xml"] for record in _records(grids) if record["parse_ok"]]
         wrong = sum(not _comes_back(text.encode() + b"\0") for text in texts)
-        yield Row(
+        yield Finding(
             "codec: grids",
             len(texts),
             None,
@@ -253,7 +255,7 @@ def _document_rows(golden: Path) -> Iterator[Row]:
     if quirks.exists():
         texts = [record["to_xml"] for record in _records(quirks) if record["parse_ok"]]
         wrong = sum(not _parameters_come_back(text) for text in texts)
-        yield Row(
+        yield Finding(
             "codec: parameters",
             len(texts),
             None,
@@ -269,7 +271,7 @@ def _document_rows(golden: Path) -> Iterator[Row]:
             for good in _log_pieces(log):
                 cases += 1
                 wrong += not good
-        yield Row(
+        yield Finding(
             "codec: logs",
             cases,
             None,

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.conformance.row import Row
+from benchmarks.conformance.finding import Finding
 from ciberrato.files.lab import parse_lab_with_warnings
 from ciberrato.files.parameters import parse_parameters
 from ciberrato.files.start_grid import parse_grid
@@ -17,12 +17,12 @@ from simulator_stub.service.transports import Newcomer, Peer
 from simulator_stub.simulation import Simulation
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield a row for each recorded session."""
     del labs
     paths = sorted((golden / "homeward").glob("*.json.gz"))
     if not paths:
-        yield Row("homeward", 0, None, True, "not recorded here")
+        yield Finding("homeward", 0, None, True, "not recorded here")
     for path in paths:
         recorded = json.loads(gzip.decompress(path.read_bytes()))
         name = path.name.removesuffix(".json.gz")
@@ -31,7 +31,7 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
             if theirs != ours:
                 unlike.append(f"step {theirs[0]}, robot {theirs[1]}: {ours[3:]} not {theirs[3:]}")
         note = f"{len(unlike)} unlike, first {unlike[0]}" if unlike else "score, collisions and place"
-        yield Row(f"homeward: {name}", len(recorded["statuses"]), None, not unlike, note)
+        yield Finding(f"homeward: {name}", len(recorded["statuses"]), None, not unlike, note)
 
 
 def replay(recorded: dict[str, Any], name: str) -> list[list[Any]]:

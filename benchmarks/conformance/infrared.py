@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.conformance import Row
+from benchmarks.conformance import Finding
 from benchmarks.conformance.files import numbers, read_named_lab
 from ciberrato.files.lab import read_lab
 from ciberrato.geometry.walls import WallMap
@@ -30,22 +30,22 @@ _EVERY = 16
 """The path for one robot at a time is compared on every sixteenth row: it takes ten times as long."""
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield the rows of this check."""
     for file in _FILES:
         path = golden / "ir" / f"{file}.csv.gz"
         if path.is_file():
             yield from _distances(file, path, labs)
         else:
-            yield Row(f"infrared: {file}", 0, None, True, "not recorded here")
+            yield Finding(f"infrared: {file}", 0, None, True, "not recorded here")
     path = golden / "ir" / "other_robots.csv.gz"
     if path.is_file():
         yield from _other_robots(path)
     else:
-        yield Row("infrared: other_robots", 0, None, True, "not recorded here")
+        yield Finding("infrared: other_robots", 0, None, True, "not recorded here")
 
 
-def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Row]:
+def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Finding]:
     cases = single_cases = points = missing = groups = inexact = unlike = 0
     greatest = single_greatest = wall_greatest = 0.0
     first = ""
@@ -80,23 +80,23 @@ def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Row]:
         if not first and max(difference, single_greatest, wall_greatest) > TOLERANCE:
             first = f"first in {name}"
     note = first or f"{groups} labs" + (f"; {missing} labs whose files are not here" if missing else "")
-    yield Row(f"infrared: {file}", cases, greatest, greatest <= TOLERANCE, note)
-    yield Row(
+    yield Finding(f"infrared: {file}", cases, greatest, greatest <= TOLERANCE, note)
+    yield Finding(
         f"infrared: {file}, one robot",
         single_cases,
         single_greatest,
         single_greatest <= TOLERANCE,
         f"every {_EVERY}th row, by the path for one robot",
     )
-    yield Row(
+    yield Finding(
         f"infrared: {file}, exact",
         single_cases,
         None,
         inexact == 0,
         f"every {_EVERY}th row, by the slow path: {inexact} not equal to the last bit",
     )
-    yield Row(f"infrared: {file}, readings", cases, None, unlike == 0, f"{unlike} rounded values unlike")
-    yield Row(
+    yield Finding(f"infrared: {file}, readings", cases, None, unlike == 0, f"{unlike} rounded values unlike")
+    yield Finding(
         f"infrared: {file}, to walls", points, wall_greatest, wall_greatest <= TOLERANCE, "collision distance"
     )
 
@@ -108,7 +108,7 @@ def worst(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> float:
     return float(np.where(np.isnan(difference), np.inf, difference).max(initial=0.0))
 
 
-def _other_robots(path: Path) -> Iterator[Row]:
+def _other_robots(path: Path) -> Iterator[Finding]:
     walls = WallMap.from_lab(read_lab(path.with_name("other_robots.lab.xml")))
     columns = (
         "x1",
@@ -136,7 +136,7 @@ def _other_robots(path: Path) -> Iterator[Row]:
     difference = max(worst(ideal_reading(wall), alone), worst(ours, with_other))
     rounded = int((round_reading(ours) != reading).sum())
     seen = int((with_other != alone).sum())
-    yield Row(
+    yield Finding(
         "infrared: other_robots",
         len(recorded),
         difference,

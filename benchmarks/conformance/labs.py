@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.conformance import Row
+from benchmarks.conformance import Finding
 from benchmarks.conformance.files import DEFAULT_LAB, find_lab_file, read_named_lab, records
 from ciberrato.errors import LabError, ProtocolError
 from ciberrato.files.lab import parse_lab_with_warnings
@@ -29,7 +29,7 @@ NOT_COPIED = {
 """Odd inputs that we treat unlike the real parsers, and why."""
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield the rows of this check."""
     folder = golden / "ir"
     yield _labs(folder, labs)
@@ -40,7 +40,7 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
     yield _parameter_quirks(folder / "param_quirks.jsonl.gz")
 
 
-def _labs(folder: Path, labs: Path | None) -> Row:
+def _labs(folder: Path, labs: Path | None) -> Finding:
     check = "labs: walls"
     cases = walls = missing = 0
     greatest = 0.0
@@ -54,12 +54,12 @@ def _labs(folder: Path, labs: Path | None) -> Row:
             cases += 1
             walls += len(record["walls"])
             if difference > 0.0:
-                return Row(check, cases, difference, False, f"first in {record['lab']}")
+                return Finding(check, cases, difference, False, f"first in {record['lab']}")
             greatest = max(greatest, difference)
     if cases + missing == 0:
         return _nothing(check)
     note = f"{walls} walls, beacons, targets, sizes and names, to the last bit"
-    return Row(check, cases, greatest, True, note + _missing(missing, "labs"))
+    return Finding(check, cases, greatest, True, note + _missing(missing, "labs"))
 
 
 def lab_difference(lab: Lab, record: dict[str, Any]) -> float:
@@ -100,12 +100,12 @@ def lab_difference(lab: Lab, record: dict[str, Any]) -> float:
     return max(abs(our - their) for our, their in zip(ours, theirs, strict=True))
 
 
-def _unlisted(folder: Path, labs: Path | None) -> Row:
+def _unlisted(folder: Path, labs: Path | None) -> Finding:
     """Labs in the folder that the recordings do not mention: they must at least be read or refused
     properly."""
     check = "labs: not recorded"
     if labs is None:
-        return Row(check, 0, None, True, "no folder of labs")
+        return Finding(check, 0, None, True, "no folder of labs")
     recorded = {record["lab"] for record in records(folder / "labs.jsonl.gz")}
     cases = 0
     for path in sorted(labs.rglob("*.xml")):
@@ -119,11 +119,11 @@ def _unlisted(folder: Path, labs: Path | None) -> Row:
             parse_lab_with_warnings(data, str(path))
         except LabError as error:
             if error.line is None:
-                return Row(check, cases, None, False, f"refused without a line number: {error}")
-    return Row(check, cases, None, True, "read, or refused with a line number" if cases else "none")
+                return Finding(check, cases, None, False, f"refused without a line number: {error}")
+    return Finding(check, cases, None, True, "read, or refused with a line number" if cases else "none")
 
 
-def _lab_quirks(path: Path) -> Row:
+def _lab_quirks(path: Path) -> Finding:
     check = "labs: odd input"
     cases = refused = 0
     excepted = []
@@ -139,13 +139,13 @@ def _lab_quirks(path: Path) -> Row:
         if record["case"] in NOT_COPIED:
             excepted.append(record["case"])
         elif not good:
-            return Row(check, cases, None, False, f"first: {record['case']} ({record['what']})")
+            return Finding(check, cases, None, False, f"first: {record['case']} ({record['what']})")
     if cases == 0:
         return _nothing(check)
-    return Row(check, cases, None, True, f"{refused} refused with line number; " + _reasons(excepted))
+    return Finding(check, cases, None, True, f"{refused} refused with line number; " + _reasons(excepted))
 
 
-def _grids(path: Path, labs: Path | None) -> Row:
+def _grids(path: Path, labs: Path | None) -> Finding:
     check = "grids: positions"
     cases = missing = 0
     greatest = 0.0
@@ -162,10 +162,10 @@ def _grids(path: Path, labs: Path | None) -> Row:
         difference = grid_difference(grid, record)
         greatest = max(greatest, difference)
         if difference > 0.0:
-            return Row(check, cases, greatest, False, f"first in {record['grid']}")
+            return Finding(check, cases, greatest, False, f"first in {record['grid']}")
     if cases + missing == 0:
         return _nothing(check)
-    return Row(check, cases, greatest, True, "to the last bit" + _missing(missing, "grids"))
+    return Finding(check, cases, greatest, True, "to the last bit" + _missing(missing, "grids"))
 
 
 def grid_difference(grid: StartGrid, record: dict[str, Any]) -> float:
@@ -196,7 +196,7 @@ def grid_difference(grid: StartGrid, record: dict[str, Any]) -> float:
     return max(differences, default=0.0)
 
 
-def _grid_quirks(path: Path) -> Row:
+def _grid_quirks(path: Path) -> Finding:
     check = "grids: odd input"
     cases = 0
     excepted = []
@@ -210,11 +210,11 @@ def _grid_quirks(path: Path) -> Row:
         if record["case"] in NOT_COPIED:
             excepted.append(record["case"])
         elif not good:
-            return Row(check, cases, None, False, f"first: {record['case']} ({record['what']})")
-    return Row(check, cases, None, True, _reasons(excepted)) if cases else _nothing(check)
+            return Finding(check, cases, None, False, f"first: {record['case']} ({record['what']})")
+    return Finding(check, cases, None, True, _reasons(excepted)) if cases else _nothing(check)
 
 
-def _parameter_quirks(path: Path) -> Row:
+def _parameter_quirks(path: Path) -> Finding:
     check = "parameters: odd input"
     cases = 0
     for record in records(path):
@@ -230,12 +230,12 @@ def _parameter_quirks(path: Path) -> Row:
         except (LabError, ProtocolError):
             good = not record["parse_ok"]
         if not good:
-            return Row(check, cases, None, False, f"first: {record['case']}")
-    return Row(check, cases, None, True, "equal to the byte when announced") if cases else _nothing(check)
+            return Finding(check, cases, None, False, f"first: {record['case']}")
+    return Finding(check, cases, None, True, "equal to the byte when announced") if cases else _nothing(check)
 
 
-def _nothing(check: str) -> Row:
-    return Row(check, 0, None, True, "not recorded here")
+def _nothing(check: str) -> Finding:
+    return Finding(check, 0, None, True, "not recorded here")
 
 
 def _reasons(cases: list[str]) -> str:

@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
-from benchmarks.conformance.row import Row
+from benchmarks.conformance.finding import Finding
 from benchmarks.conformance.transcripts import GPS_OFFSET
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import read_parameters
@@ -34,17 +34,17 @@ _NOISY = re.compile(
 _LINE = re.compile(r'(?<=<LineSensor )Value="[01]*"')
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield a row for each recorded log."""
     del labs
     folders = sorted(path.parent for path in golden.glob("logs/*/sim.log.gz"))
     if not folders:
-        yield Row("logs", 0, None, True, "skipped: no logs here")
+        yield Finding("logs", 0, None, True, "skipped: no logs here")
     for folder in folders:
         yield _row(folder)
 
 
-def _row(folder: Path) -> Row:
+def _row(folder: Path) -> Finding:
     recorded = read_simulator_log(folder / "sim.log.gz")
     with gzip.open(folder / "sim.log.gz", "rt", encoding="latin-1", newline="") as file:
         theirs = file.read()
@@ -67,7 +67,7 @@ def _row(folder: Path) -> Row:
         pairs = enumerate(zip_longest(theirs.split("\n"), ours.split("\n"), fillvalue="nothing"), 1)
         line, one, other = next((line, *pair) for line, pair in pairs if pair[0] != pair[1])
         note = f"line {line} is {one.strip()!r}, ours {other.strip()!r}"
-    return Row(f"log {folder.name}", cases, None, ours == theirs, note)
+    return Finding(f"log {folder.name}", cases, None, ours == theirs, note)
 
 
 def has_noise(parameters: Parameters) -> bool:

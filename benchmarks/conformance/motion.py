@@ -8,13 +8,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.conformance import Row
+from benchmarks.conformance import Finding
 from benchmarks.conformance.files import read_named_lab, table
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import distances_at, ideal_reading, other_robot_distance, round_reading
-from ciberrato.physics.collisions import Pose, resolve_collisions, settle
-from ciberrato.physics.kinematics import advance, clamp_power, filter_power
+from ciberrato.physics.collisions import resolve_collisions, settle
+from ciberrato.physics.kinematics import advance, clamp_power, filter_wheels
 from ciberrato.protocol import DEFAULT_SENSOR_ANGLES
+from ciberrato.world.coordinates import Pose
 
 TOLERANCE = 1e-9
 _AXES = tuple(angle / 180.0 * math.pi for angle in DEFAULT_SENSOR_ANGLES)
@@ -28,11 +29,11 @@ _IDEAL = ("ir0_ideal", "ir1_ideal", "ir2_ideal", "ir3_ideal")
 _IR = ("ir0", "ir1", "ir2", "ir3")
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield the rows of this check."""
     scenarios = golden / "physics" / "scenarios.json"
     if not scenarios.is_file():
-        yield Row("motion", 0, None, True, "not recorded here")
+        yield Finding("motion", 0, None, True, "not recorded here")
         return
     content = json.loads(scenarios.read_text(encoding="utf-8"))
     yield from _traces(golden / "physics" / "direct", content, labs, _Direct)
@@ -85,10 +86,7 @@ class Drive:
         for number, command in enumerate(commands):
             if command is not None:
                 self.inputs[number] = (clamp_power(command[0]), clamp_power(command[1]))
-            left, right = self.outputs[number] = (
-                filter_power(self.inputs[number][0], self.outputs[number][0]),
-                filter_power(self.inputs[number][1], self.outputs[number][1]),
-            )
+            left, right = self.outputs[number] = filter_wheels(self.inputs[number], self.outputs[number])
             self.wanted[number] = advance(*self.poses[number], left, right)
         speeds = [(left + right) / 2.0 for left, right in self.outputs]
         self.wall, self.robot = resolve_collisions(self.walls, self.poses, self.wanted, speeds)
@@ -179,7 +177,7 @@ class _Network:
 
 def _traces(
     folder: Path, scenarios: dict[str, dict[str, object]], labs: Path | None, kind: type[_Direct | _Network]
-) -> Iterator[Row]:
+) -> Iterator[Finding]:
     found = _Comparison()
     driven = missing = 0
     for name, scenario in scenarios.items():
@@ -197,8 +195,8 @@ def _traces(
     note += f"; {found.unlike} rows unlike, first {found.first}" if found.first else ""
     check = f"motion: {kind.folder}"
     if kind is _Direct:
-        yield Row(check, found.rows, found.difference, found.unlike == 0, note)
-        yield Row(
+        yield Finding(check, found.rows, found.difference, found.unlike == 0, note)
+        yield Finding(
             f"infrared: {kind.folder} traces",
             4 * found.rows,
             found.infrared,
@@ -206,7 +204,7 @@ def _traces(
             "1/distance on the way, other robots included",
         )
     else:
-        yield Row(check, found.rows, None, found.unlike == 0, note + "; text as sent: pose, flags, IR")
+        yield Finding(check, found.rows, None, found.unlike == 0, note + "; text as sent: pose, flags, IR")
 
 
 def _follow(
@@ -235,11 +233,11 @@ def _follow(
     found.collisions += sum(drive.collisions)
 
 
-def _noisy_motors(path: Path) -> Iterator[Row]:
+def _noisy_motors(path: Path) -> Iterator[Finding]:
     """The pose must follow from the noisy powers as recorded; what the noise was does not matter."""
     check = "motion: noisy motors"
     if not path.is_file():
-        yield Row(check, 0, None, True, "not recorded here")
+        yield Finding(check, 0, None, True, "not recorded here")
         return
     pose: Pose | None = None
     difference = 0.0
@@ -251,4 +249,4 @@ def _noisy_motors(path: Path) -> Iterator[Row]:
             difference = max(difference, *(abs(a - b) for a, b in zip(pose, here, strict=True)))
         else:
             pose = here
-    yield Row(check, len(trace), difference, difference <= TOLERANCE, "poses from the recorded powers")
+    yield Finding(check, len(trace), difference, difference <= TOLERANCE, "poses from the recorded powers")

@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.conformance.files import read_named_lab
-from benchmarks.conformance.row import Row
+from benchmarks.conformance.finding import Finding
 from benchmarks.conformance.transcripts import GPS_OFFSET
+from ciberrato.arrays import Floats
 from ciberrato.files.parameters import parse_parameters
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab
@@ -41,21 +41,20 @@ LEAST_EXPECTED = 8
 EMPTY = Lab(width=400.0, height=400.0)
 """The lab of the recordings of motors."""
 
-Floats = NDArray[np.float64]
 Series = dict[str, list[Any]]
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield a row for each sensor and run."""
     folder = golden / "noise"
     names = sorted(path.name.removesuffix(".meta.json") for path in folder.glob("*.meta.json"))
     if not names:
-        yield Row("noise", 0, None, True, "skipped: no samples here")
+        yield Finding("noise", 0, None, True, "skipped: no samples here")
     for name in names:
         meta = json.loads((folder / f"{name}.meta.json").read_text(encoding="utf-8"))
         lab = EMPTY if meta["lab"].startswith("empty") else read_named_lab(meta["lab"], labs)
         if lab is None:
-            yield Row(f"noise {name}", 0, None, True, f"skipped: {meta['lab']} is not here")
+            yield Finding(f"noise {name}", 0, None, True, f"skipped: {meta['lab']} is not here")
         elif meta["cmd"] is None:
             yield from _sensor_rows(name, folder, meta, lab)
         else:
@@ -67,7 +66,7 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
 # --- sensors -------------------------------------------------------------------------------------------
 
 
-def _sensor_rows(name: str, folder: Path, meta: dict[str, Any], lab: Lab) -> Iterator[Row]:
+def _sensor_rows(name: str, folder: Path, meta: dict[str, Any], lab: Lab) -> Iterator[Finding]:
     with gzip.open(folder / f"{name}.csv.gz", "rt", newline="") as file:
         recorded = [row for row in csv.DictReader(file) if row["time"] != "0"]
     theirs = _split(
@@ -120,7 +119,7 @@ def _simulation(meta: dict[str, Any], lab: Lab) -> Simulation:
     return simulation
 
 
-def _compare(check: str, theirs: list[Any], ours: list[Any]) -> Row:
+def _compare(check: str, theirs: list[Any], ours: list[Any]) -> Finding:
     """Test two samples of a discrete quantity for being drawn alike."""
     probability, bins = homogeneity(Counter(map(_key, theirs)), Counter(map(_key, ours)))
     figures = [np.array([value for value in sample if value is not None]) for sample in (theirs, ours)]
@@ -128,7 +127,7 @@ def _compare(check: str, theirs: list[Any], ours: list[Any]) -> Row:
     if all(sample.size for sample in figures):
         means, spreads = (f"{f(figures[0]):.4g} and {f(figures[1]):.4g}" for f in (_mean, _spread))
         note += f"; means {means}, standard deviations {spreads}"
-    return Row(check, len(ours), None, probability > LEVEL, note)
+    return Finding(check, len(ours), None, probability > LEVEL, note)
 
 
 def _mean(values: Floats) -> float:
@@ -192,7 +191,7 @@ def _merged(table: list[tuple[int, int]]) -> list[tuple[int, int]]:
 # --- motors ----------------------------------------------------------------------------------------------
 
 
-def _heading_row(name: str, folder: Path, meta: dict[str, Any], lab: Lab) -> Row:
+def _heading_row(name: str, folder: Path, meta: dict[str, Any], lab: Lab) -> Finding:
     """Compare what each cycle adds to the turning, from the headings that views were told."""
     with gzip.open(folder / f"{name}.csv.gz", "rt", newline="") as file:
         recorded = [float(row["true_dir_deg"] or "nan") for row in csv.DictReader(file) if row["time"] != "0"]
@@ -213,7 +212,7 @@ def _innovations(headings: Sequence[float]) -> Floats:
     return np.asarray(innovations[~np.isnan(innovations)])  # where a cycle was not recorded
 
 
-def _motor_rows(path: Path) -> Iterator[Row]:
+def _motor_rows(path: Path) -> Iterator[Finding]:
     """Compare the factors of the motors, recorded at full precision."""
     with gzip.open(path, "rt", newline="") as file:
         recorded = list(csv.DictReader(file))
@@ -237,7 +236,7 @@ def _factors(inputs: Floats, outputs: Floats) -> Floats:
     return np.asarray(outputs[1:] / ((inputs + outputs[:-1]) / 2.0))
 
 
-def _continuous(check: str, theirs: Floats, ours: Floats, unit: str) -> Row:
+def _continuous(check: str, theirs: Floats, ours: Floats, unit: str) -> Finding:
     from scipy.stats import ks_2samp, norm
 
     # The first test hardly sees a difference in spread; so there is a second, and the level is divided by
@@ -249,4 +248,4 @@ def _continuous(check: str, theirs: Floats, ours: Floats, unit: str) -> Row:
         f"p = {probability:.3g}; means {theirs.mean():.5g} and {ours.mean():.5g},"
         f" standard deviations {theirs.std():.4g} and {ours.std():.4g} ({unit})"
     )
-    return Row(check, len(ours), None, probability > LEVEL, note)
+    return Finding(check, len(ours), None, probability > LEVEL, note)

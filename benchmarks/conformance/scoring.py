@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.conformance.files import find_lab_file, table
-from benchmarks.conformance.row import Row
+from benchmarks.conformance.finding import Finding
 from ciberrato.files.lab import parse_lab_with_warnings
 from ciberrato.files.parameters import read_parameters
 from ciberrato.files.start_grid import read_grid
@@ -43,19 +43,19 @@ class _Comparison:
         self.unlike += 1
         self.first = self.first or place
 
-    def row(self, check: str, what: str) -> Row:
+    def row(self, check: str, what: str) -> Finding:
         note = f"{self.runs} {what}"
         note += f"; {self.missing} whose labs are not here" if self.missing else ""
         note += f"; {self.unlike} unlike, first {self.first}" if self.unlike else ""
-        return Row(check, self.rows, None, self.unlike == 0, note)
+        return Finding(check, self.rows, None, self.unlike == 0, note)
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield the rows of this check."""
     folder = golden / "scoring"
     runs = sorted(folder.glob("*.meta.json"))
     if not runs and not (folder / "paths.jsonl").is_file():
-        yield Row("scoring", 0, None, True, "not recorded here")
+        yield Finding("scoring", 0, None, True, "not recorded here")
         return
     modes: defaultdict[int, _Comparison] = defaultdict(_Comparison)
     files = _Comparison()
@@ -159,7 +159,7 @@ def _texts(status: RobotStatus, measures: Measures) -> dict[str, str]:
     }
 
 
-def _compare_circuits(folder: Path, labs: Path | None) -> Row:
+def _compare_circuits(folder: Path, labs: Path | None) -> Finding:
     found = _Comparison()
     for line in (folder / "paths.jsonl").read_text(encoding="utf-8").splitlines():
         recorded = json.loads(line)

@@ -8,7 +8,6 @@ just the cells that the robot really entered, and the belief must stay a belief.
 from __future__ import annotations
 
 import base64
-import csv
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,12 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from agent.drives.right.tracker import CellTracker, Crossing
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import Localization, localize
 from agent.offline.summary import peak
-from benchmarks.conformance.row import Row
+from benchmarks.conformance.finding import Finding
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.lab import default_lab
+from ciberrato.files.truth import read_truth
 from ciberrato.protocol import (
     Acceptance,
     Actions,
@@ -51,11 +51,11 @@ class Recording:
         return self.acceptance.parameters.motors_noise > 0
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield a row for each recorded run."""
     folders = sorted(path.parent for path in golden.glob("seed_runs/*/datagrams.jsonl"))
     if not folders:
-        yield Row(check="seed runs", cases=0, difference=None, passed=True, note="none recorded: skipped")
+        yield Finding(check="seed runs", cases=0, difference=None, passed=True, note="none recorded: skipped")
     for folder in folders:
         recording = read_recording(folder / "datagrams.jsonl")
         crossings = replay(recording)
@@ -109,7 +109,7 @@ def replay(recording: Recording) -> list[Crossing]:
 def filtered(recording: Recording, crossings: list[Crossing], *, calibrated: bool) -> Localization:
     """Run a preset over the readings."""
     parameters = recording.acceptance.parameters
-    truth = compute_ground_truth(default_lab(), recording.registration.angles, parameters)
+    truth = compute_expected_readings(default_lab(), recording.registration.angles, parameters)
     return localize(
         [crossing.readings for crossing in crossings],
         truth,
@@ -118,18 +118,18 @@ def filtered(recording: Recording, crossings: list[Crossing], *, calibrated: boo
     )
 
 
-def exact_row(folder: Path, recording: Recording, crossings: list[Crossing]) -> Row:
+def exact_row(folder: Path, recording: Recording, crossings: list[Crossing]) -> Finding:
     """Compare block by block with the file that the author's program wrote."""
     theirs = read_beliefs(folder / "localization.out")[0].beliefs
     ours = filtered(recording, crossings, calibrated=False).beliefs
     times = " ".join(str(crossing.time) for crossing in crossings)
     if ours.shape != theirs.shape:
         note = f"{len(ours)} blocks, the recording has {len(theirs)} (readings at {times})"
-        return Row(
+        return Finding(
             check=f"seed run {folder.name}", cases=len(theirs), difference=None, passed=False, note=note
         )
     difference = float(np.abs(ours - theirs).max())
-    return Row(
+    return Finding(
         check=f"seed run {folder.name}",
         cases=len(theirs),
         difference=difference,
@@ -138,21 +138,20 @@ def exact_row(folder: Path, recording: Recording, crossings: list[Crossing]) -> 
     )
 
 
-def noisy_row(folder: Path, recording: Recording, crossings: list[Crossing]) -> Row:
+def noisy_row(folder: Path, recording: Recording, crossings: list[Crossing]) -> Finding:
     """Compare with the true poses: as many cells as were entered, and the last belief in the right one."""
-    with (folder / "truth.csv").open(newline="") as stream:
-        poses = {int(row["time"]): (float(row["x"]), float(row["y"])) for row in csv.DictReader(stream)}
+    poses = read_truth(folder / "truth.csv")
     start = poses[min(poses)]
-    entered = round((max(x for x, _ in poses.values()) - start[0]) / CELL_SIZE - 0.25)
+    entered = round((max(x for x, _, _ in poses.values()) - start[0]) / CELL_SIZE - 0.25)
     verdicts = []
     for calibrated in (False, True):
         beliefs = filtered(recording, crossings, calibrated=calibrated).beliefs
         sane = bool(np.isfinite(beliefs).all() and np.allclose(beliefs.sum(axis=(1, 2)), 1))
-        x, y = poses[crossings[-1].time]
+        x, y, _ = poses[crossings[-1].time]
         verdicts.append(sane and peak(beliefs[-1]).cells == ((int(y // CELL_SIZE), int(x // CELL_SIZE)),))
     theirs = read_beliefs(folder / "localization.out")[0].beliefs
     undefined = int(np.isnan(theirs).any(axis=(1, 2)).sum())
-    return Row(
+    return Finding(
         check=f"seed run {folder.name}",
         cases=len(crossings),
         difference=None,

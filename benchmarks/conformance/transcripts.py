@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from benchmarks.conformance.row import Row
+from benchmarks.conformance.finding import Finding
 from benchmarks.conformance.timeline import Timeline, read_timeline
 from ciberrato.errors import CiberratoError
 from ciberrato.protocol import Refusal, Registration, RobotRegistration, decode_registration, encode
@@ -63,20 +63,20 @@ class Replay:
     moved: frozenset[int] = frozenset()
 
 
-def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
+def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
     """Yield a row for each session, and one for each kind of deliberate difference."""
     del labs
     folder = golden / "transcripts"
     paths = sorted(folder.glob("*.jsonl.gz"))
     if not paths:
-        yield Row("transcripts", 0, None, True, "skipped: no transcripts here")
+        yield Finding("transcripts", 0, None, True, "skipped: no transcripts here")
     deliberate: dict[str, Counter[str]] = defaultdict(Counter)
     total = 0
     for path in paths:
         try:
             result = replay(path, folder / "files")
         except CiberratoError as error:  # a file that it names is not here
-            yield Row(f"transcript {path.name.removesuffix('.jsonl.gz')}", 0, None, False, str(error))
+            yield Finding(f"transcript {path.name.removesuffix('.jsonl.gz')}", 0, None, False, str(error))
             continue
         special = result.deliberate.total()
         total += result.equal + special
@@ -90,12 +90,12 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Row]:
         if result.wrong:
             note = f"{len(result.wrong)} differ, first: {result.wrong[0]}"
         name = path.name.removesuffix(".jsonl.gz")
-        yield Row(
+        yield Finding(
             f"transcript {name}", result.equal + special + len(result.wrong), None, not result.wrong, note
         )
     for reason, places in deliberate.items():
         listed = ", ".join(f"{name}: {count}" for name, count in sorted(places.items()))
-        yield Row("transcripts, on purpose", places.total(), None, True, f"{reason} ({listed})")
+        yield Finding("transcripts, on purpose", places.total(), None, True, f"{reason} ({listed})")
 
 
 def replay(path: Path, files: Path) -> Replay:

@@ -8,7 +8,9 @@ Models are imported from their own modules: `ciberrato.bayes.motion`, `.sensors`
 
 from __future__ import annotations
 
-from ciberrato.bayes.filtering import MarkovFilter, Update, predict, update, update_by_likelihood
+from ciberrato.bayes.filtering import Update, predict, update, update_by_likelihood
+from ciberrato.bayes.logbelief import LogBelief
+from ciberrato.bayes.markovfilter import MarkovFilter
 from ciberrato.bayes.recovery import ImpossiblePolicy, ImpossibleReadingError
 from ciberrato.bayes.spaces import Axis, StateSpace
 from ciberrato.bayes.summaries import (
@@ -25,6 +27,7 @@ __all__ = [
     "Axis",
     "ImpossiblePolicy",
     "ImpossibleReadingError",
+    "LogBelief",
     "MarkovFilter",
     "StateSpace",
     "Update",

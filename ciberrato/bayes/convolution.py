@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -24,6 +25,8 @@ EDGES: tuple[str, ...] = get_args(Edge)
 # For a long line and few weights, products of pieces that stay in the cache are several times as fast as
 # numpy's own convolution.
 _LONG, _FEW, _PIECE = 1500, 40, 8192
+# Standard deviation of a kernel, in cells, beyond which it must be a mistake.
+_WIDEST = 1e6
 
 
 class Kernel(NamedTuple):
@@ -70,12 +73,18 @@ def gaussian_kernel(mean: float, variance: float, *, tail: float = 1e-9) -> Kern
     Raises
     ------
     ValueError
-        If mean or variance is not finite, the variance negative, or the tail not in (0, 1).
+        If mean or variance is not finite, the variance negative or more than a million cells squared, or the
+        tail not in (0, 1).
     """
     if not (math.isfinite(mean) and math.isfinite(variance) and variance >= 0.0):
         raise ValueError(f"a kernel needs a finite mean and a variance of 0 or more, not {mean}, {variance}")
     if not 0.0 < tail < 1.0:
         raise ValueError(f"the tail is in (0, 1), not {tail}")
+    if variance > _WIDEST**2:
+        raise ValueError(
+            f"a standard deviation of {math.sqrt(variance):g} cells is more than {_WIDEST:g}: is it in the "
+            "cells' unit?"
+        )
     nearest = round(mean)
     rest = mean - nearest
     if variance >= 1.0:
@@ -103,6 +112,7 @@ def gaussian_kernel(mean: float, variance: float, *, tail: float = 1e-9) -> Kern
     return Kernel(nearest - len(weights) // 2, weights, 0.0, 0.0)
 
 
+@lru_cache(maxsize=64)
 def _sigmas_for(tail: float) -> float:
     low, high = 0.0, 40.0
     while high - low > 1e-6:

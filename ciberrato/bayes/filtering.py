@@ -1,7 +1,8 @@
-"""The discrete Bayes filter: predict, update, and a thin holder around them.
+"""The discrete Bayes filter's two steps: predict and update.
 
 Thrun, Burgard, Fox, Probabilistic Robotics (2005): table 2.1 (Bayes filter), 4.1 (discrete Bayes filter),
-8.1 (grid localization).
+8.1 (grid localization). `ciberrato.bayes.markovfilter` holds a belief and does these to it;
+`ciberrato.bayes.logbelief` does the same in logarithms.
 """
 
 from __future__ import annotations
@@ -14,15 +15,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.checks import belief_array, belief_bounds, log_likelihood_array, refuse_log_likelihood
 from ciberrato.bayes.recovery import POLICIES, ImpossiblePolicy, recover
 
-# Below this the sum of products may have lost digits to denormal numbers, and the logarithms are taken
-# instead.
-_SAFE_TOTAL = 1e-280
+# Below this the sum of products may have lost digits to clipped terms, and the logarithms are taken instead.
+_SAFE_TOTAL = 1e-230
+# Likelihoods are followed down to this many nats below the best. Further down products with small beliefs
+# would be denormal numbers, which are thirty times as slow; those that can matter are worked out one by one.
+_FAR = -600.0
+# The smallest number that has all its digits, and a belief that exp(_FAR) does not take below it.
+_LEAST, _LOG_LEAST, _SMALL = 2.2250738585072014e-308, -708.3964185322641, 1e-46
+_FEW = 4096
 
 
-class Update(NamedTuple):
-    """What a reading makes of a belief.
+class _Pair(NamedTuple):
+    posterior: FloatArray
+    log_evidence: float
+
+
+class Update(_Pair):
+    """What a reading makes of a belief: a pair (posterior, log evidence), and a count.
 
     Attributes
     ----------
@@ -32,10 +44,19 @@ class Update(NamedTuple):
         Natural logarithm of the reading's probability (or density) under the belief as given; -inf if it was
         impossible and the policy has decided. Where the belief was not normalized, because a prediction lost
         mass, the mass lost counts against the evidence.
+    lost : int
+        States that are possible but whose probability is below 2.2e-308, the smallest number with all its
+        digits: zero from now on, though a later reading could favour them. `LogBelief` keeps them.
     """
 
-    posterior: FloatArray
-    log_evidence: float
+    lost: int = 0
+
+    @classmethod
+    def of(cls, posterior: FloatArray, log_evidence: float, lost: int) -> Update:
+        """Make an update that counts states lost."""
+        result = cls(posterior, log_evidence)
+        result.lost = lost
+        return result
 
 
 def update(
@@ -47,12 +68,14 @@ def update(
 ) -> Update:
     """Correct a belief by a reading (table 4.1, line 4).
 
-    Works for likelihoods far below the smallest float: only their ratios count. -inf means impossible.
+    Works for likelihoods far below the smallest float: only their ratios count. -inf means impossible. Every
+    state whose posterior probability a double can hold gets it; the others are counted in `Update.lost`.
 
     Parameters
     ----------
     belief : array_like
-        Prediction, any shape, non-negative; need not sum to 1.
+        Prediction, any shape, non-negative; need not sum to 1. Zero everywhere (a prediction lost all) makes
+        every reading impossible.
     log_likelihood : array_like
         log p(reading | state), same shape; +inf and nan are errors.
     on_impossible : {"raise", "keep", "uniform", "likelihood"}
@@ -73,42 +96,74 @@ def update(
         If shapes differ, the belief is negative or not finite, or a likelihood is nan or infinite.
     """
     belief = np.asarray(belief, dtype=float)
-    log_likelihood = np.asarray(log_likelihood, dtype=float)
-    if belief.shape != log_likelihood.shape:
-        raise ValueError(f"belief has shape {belief.shape}, log likelihood {log_likelihood.shape}")
+    log_likelihood = log_likelihood_array(log_likelihood, belief.shape)
     if on_impossible not in POLICIES:
         raise ValueError(
             f"no policy {on_impossible!r} for impossible readings; there are {', '.join(POLICIES)}"
         )
-    lowest, greatest = belief.min(initial=0.0), belief.max(initial=0.0)
-    if not (lowest >= 0.0 and greatest < np.inf):  # nan fails both comparisons
-        raise ValueError("a belief must be finite and not negative")
-    best = float(log_likelihood.max(initial=-np.inf))
-    if math.isnan(best) or best == np.inf:
-        raise ValueError("a log likelihood must be below infinity and not nan")
+    least, most = belief_bounds(belief, massless=True)
+    lowest = float(np.minimum.reduce(log_likelihood, axis=None, initial=np.inf))
+    best = float(np.maximum.reduce(log_likelihood, axis=None, initial=-np.inf))
+    if not best < math.inf:  # nan neither
+        refuse_log_likelihood(log_likelihood)
 
     total = 0.0
-    if best > -np.inf:
-        # Clipping keeps exp away from denormal numbers, which are ten times as slow; -inf goes the same way,
-        # to 1e-304, and is put right below only where it could matter.
+    if best > -math.inf:
         free = out is not None and not (
             np.may_share_memory(out, belief) or np.may_share_memory(out, log_likelihood)
         )
-        weights = np.subtract(log_likelihood, best, out=out if free else None)
-        np.maximum(weights, -700.0, out=weights)
+        weights = np.subtract(log_likelihood, best, out=out if free else None, dtype=np.float64)
+        if lowest < best + _FAR:
+            np.maximum(weights, _FAR - 1.0, out=weights)
         np.exp(weights, out=weights)
         np.multiply(weights, belief, out=weights)
-        total = float(weights.sum())
-    if total > _SAFE_TOTAL:
-        # Clipped terms are below 1e-304 of a total above 1e-280, yet a posterior that is exactly zero stays
-        # so.
-        weights[log_likelihood < best - 700.0] = 0.0
+        total = float(np.add.reduce(weights, axis=None))
+    if not _SAFE_TOTAL < total < math.inf:
+        posterior, log_evidence, lost = _update_by_logarithms(belief, log_likelihood)
+        if log_evidence == -math.inf:
+            posterior = recover(belief, log_likelihood, on_impossible)
+        return Update.of(_written(posterior, out), log_evidence, lost)
+    log_evidence = best + math.log(total)
+    if lowest >= best + _FAR and least >= _SMALL * max(1.0, total):
+        # No product was clipped or underflowed.
         np.multiply(weights, 1.0 / total, out=weights)
-        return Update(_written(weights, out), best + math.log(total))
-    posterior, log_evidence = _update_by_logarithms(belief, log_likelihood)
-    if log_evidence == -np.inf:
-        posterior = recover(belief, log_likelihood, on_impossible)
-    return Update(_written(posterior, out), log_evidence)
+        return Update(_written(weights, out), log_evidence)
+    if lowest < best + _FAR:
+        np.multiply(weights, log_likelihood >= best + _FAR, out=weights)
+    lost = _finish(weights, total, belief, log_likelihood, most, log_evidence)
+    return Update.of(_written(weights, out), log_evidence, lost)
+
+
+def _finish(
+    weights: FloatArray,
+    total: float,
+    belief: FloatArray,
+    log_likelihood: FloatArray,
+    most: float,
+    log_evidence: float,
+) -> int:
+    """Scale products, some of which are too small or zero, to the posterior; return how many states are lost.
+
+    Products that have underflowed, or that were too far down to be followed, are worked out by logarithms
+    where the posterior can hold them.
+    """
+    small = weights < _LEAST * max(1.0, total)
+    np.multiply(weights, 1.0 / total, out=weights)
+    possible = small & (belief > 0.0)
+    if not possible.any():
+        return 0
+    possible &= log_likelihood > -np.inf
+    np.multiply(weights, ~small, out=weights)
+    lost = int(np.count_nonzero(possible))
+    # No state below this can have a posterior that a double holds.
+    reach = log_evidence - math.log(most) + _LOG_LEAST
+    near = possible & (log_likelihood > reach)
+    if near.any():
+        scores = np.log(belief[near]) + log_likelihood[near] - log_evidence
+        kept = scores >= _LOG_LEAST
+        weights[near] = np.where(kept, np.exp(np.maximum(scores, _LOG_LEAST)), 0.0)
+        lost -= int(np.count_nonzero(kept))
+    return lost
 
 
 def update_by_likelihood(
@@ -121,7 +176,7 @@ def update_by_likelihood(
     """Correct a belief by a reading's likelihood itself, where probabilities are far from underflow.
 
     Parameters as of `update`, but for `likelihood`: p(reading | state), 0 or more and finite. One product,
-    one sum and one scaling.
+    one sum and one scaling; where these underflow, the logarithms.
 
     Returns
     -------
@@ -136,29 +191,44 @@ def update_by_likelihood(
     likelihood = np.asarray(likelihood, dtype=float)
     if belief.shape != likelihood.shape:
         raise ValueError(f"belief has shape {belief.shape}, likelihood {likelihood.shape}")
-    weights = np.multiply(belief, likelihood, out=out)
-    total = float(np.add.reduce(weights, axis=None))
-    # A negative product is only possible if one factor is; nan and infinity show in the sum.
-    if not np.minimum.reduce(weights, axis=None, initial=0.0) >= 0.0 or not total < np.inf:
-        raise ValueError("beliefs and likelihoods must be finite and not negative")
-    if total > _SAFE_TOTAL:
-        np.multiply(weights, 1.0 / total, out=weights)
-        return Update(weights, math.log(total))
-    if out is not None and (np.may_share_memory(out, belief) or np.may_share_memory(out, likelihood)):
-        raise ValueError("products underflow, and `out` has overwritten what they came from; use `update`")
+    if not belief.size:
+        raise ValueError("the belief has no cells")
+    few = belief.size < _FEW
+    least = float(np.minimum(belief, likelihood).min()) if few else min(belief.min(), likelihood.min())
+    if out is None:
+        weights = belief * likelihood
+    else:
+        shared = np.may_share_memory(out, belief) or np.may_share_memory(out, likelihood)
+        weights = np.multiply(belief, likelihood, out=None if shared else out)
+    # A scalar product costs half of a sum where there is little to add up.
+    total = float(np.vdot(belief, likelihood) if few else weights.sum())
+    if least > 1e-150 and total < 1e7:  # no product underflows, nor does the posterior
+        weights *= 1.0 / total
+        return Update(_written(weights, out), math.log(total))
+    # nan and infinity show in the sum.
+    if not (least >= 0.0 and total < math.inf):
+        belief_bounds(belief, massless=True)
+        belief_bounds(likelihood, what="likelihood", massless=True)
+    if on_impossible in POLICIES and _SAFE_TOTAL < total < math.inf:
+        lost = (weights < _LEAST * max(1.0, total)) & (belief > 0.0) & (likelihood > 0.0)
+        if not lost.any():
+            weights *= 1.0 / total
+            return Update(_written(weights, out), math.log(total))
     with np.errstate(divide="ignore"):
         return update(belief, np.log(likelihood), on_impossible=on_impossible, out=out)
 
 
-def _update_by_logarithms(belief: FloatArray, log_likelihood: FloatArray) -> tuple[FloatArray, float]:
+def _update_by_logarithms(belief: FloatArray, log_likelihood: FloatArray) -> tuple[FloatArray, float, int]:
     with np.errstate(divide="ignore"):
         scores = np.log(belief) + log_likelihood
-    best = scores.max(initial=-np.inf)
-    if best == -np.inf:
-        return np.zeros_like(belief), -math.inf
-    weights = np.exp(scores - best)
-    total = weights.sum()
-    return weights / total, float(best + np.log(total))
+    best = float(scores.max(initial=-np.inf))
+    if best == -math.inf:
+        return np.zeros_like(belief), -math.inf, 0
+    log_evidence = best + math.log(float(np.exp(np.maximum(scores - best, -745.0)).sum()))
+    scores -= log_evidence
+    kept = scores >= _LOG_LEAST
+    lost = int(np.count_nonzero((scores > -np.inf) & ~kept))
+    return np.exp(np.maximum(scores, _LOG_LEAST)) * kept, log_evidence, lost
 
 
 def _written(values: FloatArray, out: FloatArray | None) -> FloatArray:
@@ -176,7 +246,7 @@ def predict(transition: Callable[[FloatArray, Any], FloatArray], belief: ArrayLi
     transition : callable
         A motion model's `predict`: (belief, control) -> belief, which may have lost mass over an edge.
     belief : array_like
-        Sums to 1.
+        Sums to 1; all zero if an earlier prediction has lost everything.
     control : object
         What the motion model takes.
 
@@ -185,64 +255,18 @@ def predict(transition: Callable[[FloatArray, Any], FloatArray], belief: ArrayLi
     Update
         The predicted belief, normalized, and the logarithm of the mass kept (0 if none was lost). If no mass
         is left, the belief is all zero and the logarithm -inf: `update` then applies its policy.
+
+    Raises
+    ------
+    ValueError
+        If the belief is none, or what the motion model makes of it is none (nan, infinite, negative, another
+        shape).
     """
-    predicted = transition(np.asarray(belief, dtype=float), control)
+    before = belief_array(belief, massless=True)
+    predicted = belief_array(
+        transition(before, control), what="motion model's result", shape=before.shape, massless=True
+    )
     kept = float(predicted.sum())
     if kept <= 0.0:
         return Update(predicted, -math.inf)
     return Update(predicted / kept, math.log(kept))
-
-
-class MarkovFilter:
-    """A belief that is predicted and corrected in turn.
-
-    Parameters
-    ----------
-    prior : array_like
-        Initial belief; is normalized.
-    motion : callable
-        A motion model's `predict`.
-    on_impossible : {"raise", "keep", "uniform", "likelihood"}
-        Policy for impossible readings.
-
-    Attributes
-    ----------
-    belief : FloatArray
-        Current belief, sums to 1.
-    log_evidence : float
-        Sum of the log evidence of all possible readings so far, mass lost in predictions included.
-    recoveries : int
-        How often a reading was impossible and the policy decided.
-    """
-
-    def __init__(
-        self,
-        prior: ArrayLike,
-        motion: Callable[[FloatArray, Any], FloatArray],
-        *,
-        on_impossible: ImpossiblePolicy = "raise",
-    ) -> None:
-        prior = np.asarray(prior, dtype=float)
-        if not (prior.min() >= 0.0 and 0.0 < prior.sum() < np.inf):
-            raise ValueError("a prior must be finite and not negative, and have some mass")
-        self.belief: FloatArray = prior / prior.sum()
-        self.log_evidence = 0.0
-        self.recoveries = 0
-        self._motion = motion
-        self._policy: ImpossiblePolicy = on_impossible
-
-    def predict(self, control: Any) -> FloatArray:
-        """Move the belief by a control and return it; mass lost over edges counts in the evidence."""
-        self.belief, log_kept = predict(self._motion, self.belief, control)
-        if log_kept > -np.inf:
-            self.log_evidence += log_kept
-        return self.belief
-
-    def update(self, log_likelihood: ArrayLike) -> FloatArray:
-        """Correct the belief by a reading's log likelihood, same shape, and return it."""
-        self.belief, log_evidence = update(self.belief, log_likelihood, on_impossible=self._policy)
-        if log_evidence > -np.inf:
-            self.log_evidence += log_evidence
-        else:
-            self.recoveries += 1
-        return self.belief

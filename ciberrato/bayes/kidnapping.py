@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.checks import belief_array, whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,13 +57,17 @@ class EvidenceMonitor:
     def __post_init__(self) -> None:
         if not 0.0 < self.slow < self.fast <= 1.0:
             raise ValueError(f"rates need 0 < slow < fast <= 1, not {self.slow}, {self.fast}")
-        if not (self.threshold > 0.0 and self.floor > 0.0 and self.warm_up >= 0):
-            raise ValueError("threshold and floor must be positive, the warm-up 0 or more")
+        if not (0.0 < self.threshold < math.inf and 0.0 < self.floor < math.inf):
+            raise ValueError(f"threshold and floor must be positive, not {self.threshold}, {self.floor}")
+        if not (math.isfinite(self.fast_mean) and math.isfinite(self.slow_mean)):
+            raise ValueError(f"the means must be finite, not {self.fast_mean}, {self.slow_mean}")
+        for name in ("warm_up", "readings", "since_restart"):
+            object.__setattr__(self, name, whole(getattr(self, name), what=name, least=0))
 
     def seen(self, log_evidence: float) -> EvidenceMonitor:
-        """Take one reading's log evidence, as `update` returns it, in."""
-        if math.isnan(log_evidence):
-            raise ValueError("the log evidence is not a number")
+        """Take one reading's log evidence, as `update` returns it, in: -inf if the reading was impossible."""
+        if not log_evidence < math.inf:  # nan neither
+            raise ValueError(f"a log evidence is a number below infinity, not {log_evidence}")
         count = self.readings + 1
         if self.readings == 0:
             value = 0.0 if log_evidence == -math.inf else log_evidence
@@ -105,18 +110,27 @@ def inject(belief: ArrayLike, fraction: float, fresh: ArrayLike | None = None) -
     Parameters
     ----------
     belief : array_like
-        Sums to 1.
+        Any shape; is normalized.
     fraction : float
         Share of the fresh one, in [0, 1].
     fresh : array_like, optional
-        Same shape, sums to 1; uniform if left out.
+        Same shape; is normalized. Uniform if left out.
 
     Returns
     -------
     FloatArray
+        Sums to 1.
+
+    Raises
+    ------
+    ValueError
+        If one of the beliefs is none, the shapes differ, or the fraction is not in [0, 1].
     """
-    belief = np.asarray(belief, dtype=float)
+    belief = belief_array(belief)
+    belief = np.asarray(belief / belief.sum())
     if not 0.0 <= fraction <= 1.0:
         raise ValueError(f"a fraction is in [0, 1], not {fraction}")
-    other = 1.0 / belief.size if fresh is None else np.asarray(fresh, dtype=float)
-    return np.asarray((1.0 - fraction) * belief + fraction * other)
+    if fresh is None:
+        return np.asarray((1.0 - fraction) * belief + fraction / belief.size)
+    other = belief_array(fresh, what="fresh belief", shape=belief.shape)
+    return np.asarray((1.0 - fraction) * belief + fraction * (other / other.sum()))

@@ -50,21 +50,31 @@ def recover(belief: FloatArray, log_likelihood: FloatArray, policy: ImpossiblePo
     ValueError
         If there is no policy of that name.
     """
-    if policy == "raise":
-        raise ImpossibleReadingError(
-            "the reading is impossible in every state that the belief holds possible"
-        )
     if policy == "keep":
         total = belief.sum()
         # A belief without any mass (all of it was shifted out of the map) holds nothing to keep.
         return belief / total if total > 0.0 else np.full(belief.shape, 1.0 / belief.size)
-    if policy == "likelihood":
-        best = log_likelihood.max()
-        if best == -np.inf:
-            return np.full(belief.shape, 1.0 / belief.size)
-        weights = np.exp(np.maximum(log_likelihood - best, -745.0))
-        weights[log_likelihood == -np.inf] = 0.0
-        return np.asarray(weights / weights.sum())
-    if policy == "uniform":
-        return np.full(belief.shape, 1.0 / belief.size)
-    raise ValueError(f"no policy {policy!r} for impossible readings; there are {', '.join(POLICIES)}")
+    with np.errstate(divide="ignore"):
+        logs = recover_logs(np.log(belief), log_likelihood, policy)
+    weights = np.exp(np.maximum(logs, -708.0)) * (logs >= -708.0)
+    return np.asarray(weights / weights.sum())
+
+
+def recover_logs(log_belief: FloatArray, log_likelihood: FloatArray, policy: ImpossiblePolicy) -> FloatArray:
+    """Return the logarithms of the belief that a policy puts in the place of 0 / 0.
+
+    Parameters and errors as of `recover`, but for `log_belief`: natural logarithms.
+    """
+    if policy == "raise":
+        raise ImpossibleReadingError(
+            "the reading is impossible in every state that the belief holds possible"
+        )
+    if policy not in POLICIES:
+        raise ValueError(f"no policy {policy!r} for impossible readings; there are {', '.join(POLICIES)}")
+    scores = {"keep": log_belief, "likelihood": log_likelihood, "uniform": np.zeros(log_belief.shape)}[policy]
+    best = scores.max(initial=-np.inf)
+    if best == -np.inf:  # nothing to keep, or nothing explains the reading: all states alike
+        scores, best = np.zeros(scores.shape), 0.0
+    # Two subtractions: the first one is exact where it matters.
+    shifted = np.asarray(scores, dtype=float) - best
+    return np.asarray(shifted - np.log(np.exp(np.maximum(shifted, -745.0)).sum()))

@@ -1,4 +1,8 @@
-"""What a belief says: entropy, most likely cells, hypotheses, means, credible sets."""
+"""What a belief says: entropy, most likely cells, hypotheses, means, credible sets.
+
+Beliefs need not sum to 1 (the masses named here are shares of their sum), but must have some mass and be
+finite and not negative: a ValueError says which cell is not.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +12,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
+from ciberrato.bayes.checks import belief_array
 from ciberrato.bayes.spaces import StateSpace
 
 
 def entropy_bits(belief: ArrayLike) -> float:
-    """Give the Shannon entropy in bits: 0 when certain, log2 of the number of states when uniform."""
-    masses = np.asarray(belief, dtype=float).ravel()
+    """Compute the Shannon entropy in bits: 0 when certain, log2 of the number of states when uniform."""
+    masses = belief_array(belief).ravel()
     masses = masses[masses > 0.0]
-    # The sum is zero or more by mathematics; rounding may make it -1e-16.
-    return max(0.0, float(-(masses * np.log2(masses)).sum()))
+    total = float(masses.sum())
+    # H = -sum m/s log(m/s). Zero or more by mathematics; rounding may make it -1e-16.
+    return max(0.0, float(np.log2(total) - (masses * np.log2(masses)).sum() / total))
 
 
 def most_likely_cell(belief: ArrayLike) -> tuple[int, ...]:
-    """Give the index of the greatest cell; of several equal ones the first in row-major order."""
-    belief = np.asarray(belief, dtype=float)
+    """Find the index of the greatest cell; of several equal ones the first in row-major order."""
+    belief = belief_array(belief)
     return tuple(int(i) for i in np.unravel_index(int(belief.argmax()), belief.shape))
 
 
@@ -40,7 +46,9 @@ def most_likely_cells(belief: ArrayLike, *, tolerance: float = 1e-9) -> IntArray
     IntArray, shape (ties, number of axes)
         Indices in row-major order; at least one.
     """
-    belief = np.asarray(belief, dtype=float)
+    belief = belief_array(belief)
+    if not 0.0 <= tolerance <= 1.0:
+        raise ValueError(f"a relative tolerance is in [0, 1], not {tolerance}")
     return np.argwhere(belief >= belief.max() * (1.0 - tolerance))
 
 
@@ -52,7 +60,7 @@ class Mode(NamedTuple):
     peak : tuple of int
         Index of its greatest cell.
     mass : float
-        Of all cells whose steepest ascent ends at the peak.
+        Of all cells whose steepest ascent ends at the peak, as a share of the belief's.
     cells : int
         Number of these cells.
     """
@@ -86,7 +94,10 @@ def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: flo
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    belief = np.asarray(belief, dtype=float)
+    belief = belief_array(belief) if space is None else space.checked_belief(belief)
+    belief = np.asarray(belief / belief.sum())
+    if not 0.0 <= least_mass <= 1.0:
+        raise ValueError(f"a share of the mass is in [0, 1], not {least_mass}")
     index = np.arange(belief.size).reshape(belief.shape)
     best, target = belief.copy(), index.copy()
     equal_from, equal_to = [], []
@@ -160,7 +171,7 @@ def moments(belief: ArrayLike, space: StateSpace) -> Moments:
     space : StateSpace
         Its axes.
     """
-    masses: FloatArray = np.asarray(belief, dtype=float)
+    masses = space.checked_belief(belief)
     masses = masses / masses.sum()
     mean, concentration, differences = [], [], []
     for i, axis in enumerate(space.axes):
@@ -188,10 +199,10 @@ def moments(belief: ArrayLike, space: StateSpace) -> Moments:
 def marginal(belief: ArrayLike, space: StateSpace, *names: str) -> FloatArray:
     """Sum out all axes but those named; the result's axes are in the order of the names."""
     keep = [space.position(name) for name in names]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"name each axis to keep once, and one at least, not {names}")
     kept_in_order = sorted(keep)
-    summed = np.asarray(belief, dtype=float).sum(
-        axis=tuple(i for i in range(len(space.axes)) if i not in keep)
-    )
+    summed = space.checked_belief(belief).sum(axis=tuple(i for i in range(len(space.axes)) if i not in keep))
     return np.transpose(summed, [kept_in_order.index(i) for i in keep])
 
 
@@ -201,9 +212,9 @@ def credible_set(belief: ArrayLike, mass: float = 0.95) -> BoolArray:
     Parameters
     ----------
     belief : array_like
-        Sums to 1.
+        Any shape.
     mass : float
-        In (0, 1].
+        Share of the whole, in (0, 1].
 
     Returns
     -------
@@ -213,7 +224,8 @@ def credible_set(belief: ArrayLike, mass: float = 0.95) -> BoolArray:
     """
     if not 0.0 < mass <= 1.0:
         raise ValueError(f"the mass of a credible set is in (0, 1], not {mass}")
-    belief = np.asarray(belief, dtype=float)
+    belief = belief_array(belief)
+    belief = np.asarray(belief / belief.sum())
     falling = np.sort(belief.ravel())[::-1]
     needed = min(int(np.searchsorted(np.cumsum(falling), mass - 1e-12)), belief.size - 1)
     return np.asarray((belief >= falling[needed] * (1.0 - 1e-9)) & (belief > 0.0))

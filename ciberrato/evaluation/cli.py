@@ -149,10 +149,10 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _published(options: argparse.Namespace) -> int:
-    from ciberrato.evaluation.published import Order, compare_with_published, published_table
+    from ciberrato.evaluation.published import LabTask, compare_with_published, published_table
 
-    orders = [
-        Order(
+    tasks = [
+        LabTask(
             lab=lab,
             resolution=_resolution(lab) if options.resolution is None else options.resolution,
             runs=options.seeds,
@@ -160,8 +160,8 @@ def _published(options: argparse.Namespace) -> int:
         for name in options.lab or ["standard"]
         for lab, _ in _find_labs(name, options.labs)
     ]
-    _tell(options, [order.lab for order in orders])
-    compared = list(compare_with_published(orders, jobs=options.jobs))
+    _tell(options, [task.lab for task in tasks])
+    compared = list(compare_with_published(tasks, jobs=options.jobs))
     print(published_table(compared))
     return 0
 
@@ -241,7 +241,10 @@ def _find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
             folder = Path(named)
         if not folder.is_dir():
             raise UsageError(f"--labs {folder}: there is no such folder")
-        return [(str(lab.path), None if lab.grid is None else str(lab.grid)) for lab in judged_labs(folder)]
+        found = [(str(lab.path), None if lab.grid is None else str(lab.grid)) for lab in judged_labs(folder)]
+        if not found:
+            raise UsageError(f"--labs {folder}: there are no public labs in it")
+        return found
     find_lab(name)  # complains if there is none
     return [(name, None)]
 

@@ -11,15 +11,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.evaluation.attempt import Result
 from ciberrato.evaluation.report import aligned, group_by, quantile, times_to_localize
 
 SLOW_HALF, SLOW_MOST = 60.0, 150.0
 """Cycles until half and until 90 % of the runs know their pose, above which a drive is slow."""
 
-Times = NDArray[np.float64]
 Pairs = dict[tuple[str, ...], tuple[list[Result], list[Result]]]
 
 
@@ -107,11 +106,11 @@ def _of_seeds(results: Sequence[Result], remainder: int) -> list[Result]:
     return [result for result in results if result.task.seed % 2 == remainder]
 
 
-def _times(results: Sequence[Result]) -> Times:
+def _times(results: Sequence[Result]) -> Floats:
     return times_to_localize([result.outcome for result in results])
 
 
-def _quantiles(mine: Times, theirs: Times, share: float) -> tuple[float, float]:
+def _quantiles(mine: Floats, theirs: Floats, share: float) -> tuple[float, float]:
     return quantile(mine, share), quantile(theirs, share)
 
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives import make_drive
+from agent.drives.registry import DRIVES, RIGHT, make_drive, read_place
 from agent.drives.right.phases import Phase
 from ciberrato.evaluation.record import Record
 from ciberrato.evaluation.starts import elsewhere, reachable, start_pose
@@ -19,17 +19,16 @@ from ciberrato.evaluation.task import Outcome, Task
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import read_parameters
 from ciberrato.labs import find_lab, find_parameters
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.cache import cached_tables
 from ciberrato.localization.tables.pose_tables import COARSE, PoseTables
+from ciberrato.physics.kinematics import Command
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-
-Command = tuple[float, float]
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 """Mounting angles of the IR sensors, the simulator's defaults."""
@@ -44,7 +43,7 @@ _AT_REST = 60
 class Driver(Protocol):
     """What decides, for `run_task`."""
 
-    def __call__(self, measures: Measures, pose_filter: PoseFilter) -> tuple[Command, str | None]:
+    def __call__(self, measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
         """Return the command, and why the drive has finished if it has."""
 
 
@@ -126,11 +125,11 @@ def run_task(task: Task) -> Outcome:
     return record.outcome(simulation.robots[0].collisions, pose_filter)
 
 
-def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameters) -> PoseFilter:
+def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameters) -> GridFilter:
     if not task.staged or task.resolution >= COARSE:
-        return PoseFilter(lab, tables, parameters, start=task.prior)
+        return GridFilter(lab, tables, parameters, start=task.prior)
     coarse = tables_of(task.lab, _angles(task), COARSE)
-    return StagedFilter(lab, coarse, tables, parameters, start=task.prior)
+    return staged_filter(lab, coarse, tables, parameters, start=task.prior)
 
 
 def _over(task: Task, record: Record, finished: str | None) -> bool:
@@ -153,7 +152,7 @@ def _parameters(task: Task) -> Parameters:
 
 
 def _angles(task: Task) -> tuple[float, float, float, float]:
-    return RIGHT_ANGLES if task.drive == "right" else ANGLES
+    return RIGHT_ANGLES if task.drive == RIGHT else ANGLES
 
 
 def _driver(
@@ -165,17 +164,17 @@ def _driver(
     room: NDArray[np.bool_],
     generator: np.random.Generator,
 ) -> Driver:
-    if task.drive == "right":
+    if task.drive == RIGHT:
         return _right_driver(parameters, angles)
     goal = None
-    if task.drive == "goto":
+    if DRIVES[task.drive].argument is read_place:
         roomy = np.flatnonzero(room & (tables.lattice.clearance >= 0.7))
         chosen = int(generator.choice(roomy))
         goal = (float(tables.lattice.x[chosen]), float(tables.lattice.y[chosen]))
-    stop = task.drive != "active"  # in an evaluation the run goes on, to see whether the claim lasts
-    drive = make_drive(task.drive, lab, parameters, angles, goal=goal, stop_when_localized=stop)
+    # In an evaluation the run goes on, to see whether the claim lasts.
+    drive = make_drive(task.drive, lab, parameters, angles, goal=goal, stop_when_localized=False)
 
-    def decide(measures: Measures, pose_filter: PoseFilter) -> tuple[Command, str | None]:
+    def decide(measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
         decision = drive.decide(measures, pose_filter)
         return decision.command, decision.finished
 
@@ -190,7 +189,7 @@ def _right_driver(parameters: Parameters, angles: tuple[float, float, float, flo
     header = RunHeader(lab_name="", lab_sha256="", parameters=parameters, sensor_angles=angles)
     controller = Controller(header)
 
-    def decide(measures: Measures, pose_filter: PoseFilter) -> tuple[Command, str | None]:
+    def decide(measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
         _, actions = controller.observe(measures)
         if actions is None or actions.left_motor is None or actions.right_motor is None:
             return (0.0, 0.0), None

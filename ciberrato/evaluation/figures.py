@@ -224,7 +224,7 @@ _FIGURES = (
     _Figure(
         "pose_error",
         "Error of the place at the end, where the robot claims to know it",
-        "units",
+        "error of the place (units)",
         "share of the runs with a smaller one",
         _draw_errors,
     ),
@@ -238,7 +238,7 @@ _FIGURES = (
     _Figure(
         "collisions",
         "Collisions",
-        "",
+        "kind of run",
         "beginnings of collisions in 1000 cycles",
         _draw_collisions,
     ),

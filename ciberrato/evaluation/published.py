@@ -15,29 +15,27 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.drives.right.controller import Controller
 from agent.drives.right.phases import Phase
-from agent.offline.expected_readings import GroundTruth, compute_ground_truth, standing_room
+from agent.offline.expected_readings import ExpectedReadings, compute_expected_readings, standable_cells
 from agent.offline.localizer import localize
+from ciberrato.arrays import Floats
 from ciberrato.evaluation.episode import RIGHT_ANGLES, lab_of, tables_of
 from ciberrato.evaluation.report import aligned
 from ciberrato.files.parameters import read_parameters
 from ciberrato.files.run_records import RunHeader
 from ciberrato.infrared.model import cell_centres
 from ciberrato.labs import find_parameters
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.pose_tables import COARSE
 from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-
-Floats = NDArray[np.float64]
-Cell = tuple[int, int]
 
 PRIOR = "centres:0"
 """What both are told: a cell's centre, looking to the right."""
@@ -64,7 +62,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class LabTask:
     """What to compare.
 
     Attributes
@@ -87,7 +85,7 @@ class Order:
 class Compared:
     """The steps of the runs in a lab."""
 
-    order: Order
+    task: LabTask
     runs: tuple[tuple[Step, ...], ...]
 
     @property
@@ -107,49 +105,49 @@ class Compared:
         return any(mine < theirs - _SLACK for theirs, mine in pairs)
 
 
-def compare_with_published(orders: Sequence[Order], *, jobs: int = 0) -> Iterator[Compared]:
+def compare_with_published(tasks: Sequence[LabTask], *, jobs: int = 0) -> Iterator[Compared]:
     """Compare both methods in some labs.
 
     Parameters
     ----------
-    orders : sequence of Order
+    tasks : sequence of LabTask
     jobs : int
         Processes; 0 = as many as there are cores.
 
     Yields
     ------
     Compared
-        In the order of the orders.
+        In the order of the tasks.
     """
-    workers = min(jobs or os.cpu_count() or 1, len(orders))
+    workers = min(jobs or os.cpu_count() or 1, len(tasks))
     if workers <= 1:
-        yield from map(compare_in_lab, orders)
+        yield from map(compare_in_lab, tasks)
         return
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
 
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
-        yield from executor.map(compare_in_lab, orders)
+        yield from executor.map(compare_in_lab, tasks)
 
 
-def compare_in_lab(order: Order) -> Compared:
+def compare_in_lab(task: LabTask) -> Compared:
     """Compare both methods in a lab."""
-    lab = lab_of(order.lab)
-    truth = compute_ground_truth(lab, RIGHT_ANGLES)
-    parameters = dataclasses.replace(read_parameters(find_parameters(order.parameters)), sim_time=0)
-    cells = np.argwhere(standing_room(lab))
-    chosen = np.random.default_rng(0).permutation(len(cells))[: order.runs]
+    lab = lab_of(task.lab)
+    expected = compute_expected_readings(lab, RIGHT_ANGLES)
+    parameters = dataclasses.replace(read_parameters(find_parameters(task.parameters)), sim_time=0)
+    cells = np.argwhere(standable_cells(lab))
+    chosen = np.random.default_rng(0).permutation(len(cells))[: task.runs]
     runs = (
-        _run(order, truth, parameters, (int(cells[number][0]), int(cells[number][1])), seed)
+        _run(task, expected, parameters, (int(cells[number][0]), int(cells[number][1])), seed)
         for seed, number in enumerate(chosen)
     )
-    return Compared(order, tuple(run for run in runs if run))
+    return Compared(task, tuple(run for run in runs if run))
 
 
 def _run(
-    order: Order, truth: GroundTruth, parameters: Parameters, start: Cell, seed: int
+    task: LabTask, expected: ExpectedReadings, parameters: Parameters, start: Cell, seed: int
 ) -> tuple[Step, ...]:
-    lab = lab_of(order.lab)
+    lab = lab_of(task.lab)
     x, y = (float(value) for value in cell_centres(lab)[start])
     grid = StartGrid(positions=(GridPosition(x=x, y=y),))
     simulation = Simulation(lab, grid, parameters, seed=seed)
@@ -159,7 +157,7 @@ def _run(
     controller = Controller(
         RunHeader(lab_name="", lab_sha256="", parameters=parameters, sensor_angles=RIGHT_ANGLES)
     )
-    pose_filter = _pose_filter(order, lab, parameters)
+    pose_filter = _pose_filter(task, lab, parameters)
     measures = simulation.launch()[robot]
     readings, beliefs, cells = [], [], []
     command: tuple[float, float] | None = None
@@ -175,22 +173,22 @@ def _run(
             cells.append((min(row, lab.rows - 1), min(column, lab.columns - 1)))
         command = (0.0, 0.0) if actions is None else (actions.left_motor or 0.0, actions.right_motor or 0.0)
         measures = simulation.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
-    published = localize(readings, truth, preset="seed").beliefs[1:]
+    published = localize(readings, expected, preset="seed").beliefs[1:]
     return tuple(
         Step(index, _score(theirs, cell), _score(mine, cell))
         for index, (theirs, mine, cell) in enumerate(zip(published, beliefs, cells, strict=True))
     )
 
 
-def _pose_filter(order: Order, lab: Lab, parameters: Parameters) -> PoseFilter:
-    fine = tables_of(order.lab, RIGHT_ANGLES, order.resolution)
-    if order.resolution >= COARSE:
-        return PoseFilter(lab, fine, parameters, start=PRIOR)
-    coarse = tables_of(order.lab, RIGHT_ANGLES, COARSE)
-    return StagedFilter(lab, coarse, fine, parameters, start=PRIOR)
+def _pose_filter(task: LabTask, lab: Lab, parameters: Parameters) -> GridFilter:
+    fine = tables_of(task.lab, RIGHT_ANGLES, task.resolution)
+    if task.resolution >= COARSE:
+        return GridFilter(lab, fine, parameters, start=PRIOR)
+    coarse = tables_of(task.lab, RIGHT_ANGLES, COARSE)
+    return staged_filter(lab, coarse, fine, parameters, start=PRIOR)
 
 
-def _cells(pose_filter: PoseFilter, lab: Lab) -> Floats:
+def _cells(pose_filter: GridFilter, lab: Lab) -> Floats:
     """Sum the belief up over headings and the squares of each cell; shape (rows, columns)."""
     belief = pose_filter.belief
     weights = np.bincount(belief.lattice.cell, belief.square_weights(), lab.rows * lab.columns)
@@ -216,7 +214,7 @@ def published_table(compared: Sequence[Compared]) -> str:
         ]
     ]
     for one in compared:
-        name = "/".join(one.order.lab.removesuffix(".xml").split("/")[-2:])
+        name = "/".join(one.task.lab.removesuffix(".xml").split("/")[-2:])
         if not one.runs:
             rows.append([name, "0", "0", *["-"] * 7, "no way to drive"])
             continue

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, TRUTH_PERIOD, Outcome, Task
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.estimate import CLAIM_RADIUS, CLAIM_TURN, probability_near
-from ciberrato.localization.grid_filter import PoseFilter
-
-Pose = tuple[float, float, float]
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.world.coordinates import Pose
 
 
 class Record:
@@ -56,7 +56,7 @@ class Record:
         return self.task.cycles
 
     def take(
-        self, cycle: int, pose: NDArray[np.float64], pose_filter: PoseFilter, *, collision: bool
+        self, cycle: int, pose: NDArray[np.float64], pose_filter: GridFilter, *, collision: bool
     ) -> None:
         """Compare the filter with the true pose after a cycle.
 
@@ -65,12 +65,12 @@ class Record:
         cycle : int
         pose : array, shape (3,)
             The true one: units and radians.
-        pose_filter : PoseFilter
+        pose_filter : GridFilter
         collision : bool
         """
         found = pose_filter.estimate()
         self._place_error = math.hypot(found.x - pose[0], found.y - pose[1])
-        turn = math.remainder(found.heading - pose[2], 2.0 * math.pi)
+        turn = short_turn(found.heading - pose[2])
         self._turn_error = abs(math.degrees(turn))
         self._right = self._place_error <= CLAIM_RADIUS and abs(turn) <= CLAIM_TURN
         self._claim, self._probability = found.certain, found.probability
@@ -108,14 +108,14 @@ class Record:
         if self._right and self.first_right is None:
             self.first_right = cycle
 
-    def outcome(self, collisions: int, pose_filter: PoseFilter) -> Outcome:
+    def outcome(self, collisions: int, pose_filter: GridFilter) -> Outcome:
         """Sum up.
 
         Parameters
         ----------
         collisions : int
             Beginnings of collisions.
-        pose_filter : PoseFilter
+        pose_filter : GridFilter
 
         Returns
         -------

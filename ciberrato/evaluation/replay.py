@@ -4,7 +4,7 @@ A recording is a folder with ``datagrams.jsonl`` (what went over the wire, base6
 x, y, dir_deg) and, if the agent wrote one, ``localization.out``.
 
 When the recorded agent wrote which block of its file is told by the rule of the published method's own agent:
-it takes a reading whenever the way that its motor commands should have led is a whole number of cells.
+it takes a reading whenever the distance that its motor commands should have led is a whole number of cells.
 Where that does not give as many times as there are blocks, a block is compared with the cell entered of its
 number.
 """
@@ -12,7 +12,6 @@ number.
 from __future__ import annotations
 
 import base64
-import csv
 import json
 import math
 from collections.abc import Sequence
@@ -20,17 +19,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.offline.summary import cell_name, peak
+from ciberrato.arrays import Floats
 from ciberrato.errors import LabError
 from ciberrato.evaluation.report import aligned
 from ciberrato.files.beliefs import read_beliefs
+from ciberrato.files.truth import read_truth
+from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.cell_beliefs import cell_beliefs
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.cache import cached_tables
 from ciberrato.localization.tables.pose_tables import COARSE, FINE
-from ciberrato.physics.kinematics import filter_power
+from ciberrato.physics.kinematics import STANDSTILL, Command, filter_wheels
 from ciberrato.protocol import (
     Acceptance,
     Measures,
@@ -39,12 +40,9 @@ from ciberrato.protocol import (
     decode_registration,
     decode_simulator_message,
 )
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
-
-Command = tuple[float, float]
-Cell = tuple[int, int]
-Block = NDArray[np.float64]
 
 _MOST_BLOCKS = 8
 """That a figure shows."""
@@ -88,17 +86,13 @@ def read_recording(folder: Path) -> Recording:
     LabError
         If there is none, or it lacks a registration or its answer.
     """
+    truth = read_truth(folder / "truth.csv")
     angles, parameters = None, None
     inputs: list[tuple[Measures, Command | None]] = []
     command: Command | None = None
     try:
         lines = (folder / "datagrams.jsonl").read_text().splitlines()
-        with (folder / "truth.csv").open(newline="") as file:
-            truth = {
-                int(row["time"]): (float(row["x"]), float(row["y"]), float(row["dir_deg"]))
-                for row in csv.DictReader(file)
-            }
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, ValueError) as error:
         raise LabError(f"not a recording: {error}", source=str(folder)) from None
     for line in lines:
         event = json.loads(line)
@@ -145,8 +139,8 @@ class Moment:
     time: int
     cell: Cell
     live: tuple[float, float, float]
-    ours: Block | None
-    theirs: Block | None
+    ours: Floats | None
+    theirs: Floats | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,7 +162,7 @@ class Replay:
     """
 
     name: str
-    path: NDArray[np.float64]
+    path: Floats
     cells: int
     moments: tuple[Moment, ...]
     blocks: tuple[int, int]
@@ -196,7 +190,7 @@ def replay(folder: Path, lab: Lab) -> Replay:
     recording = read_recording(folder)
     coarse = cached_tables(lab, recording.angles, COARSE)
     fine = cached_tables(lab, recording.angles, FINE)
-    pose_filter = StagedFilter(lab, coarse, fine, recording.parameters)
+    pose_filter = staged_filter(lab, coarse, fine, recording.parameters)
     live: dict[int, tuple[Cell, tuple[float, float, float]]] = {}
     entered: list[tuple[int, Cell]] = []
     claims = wrong = 0
@@ -207,7 +201,7 @@ def replay(folder: Path, lab: Lab) -> Replay:
         x, y, degrees = recording.truth[measures.time]
         found = pose_filter.estimate()
         away = math.hypot(found.x - x, found.y - y)
-        turn = abs(math.degrees(math.remainder(found.heading - math.radians(degrees), 2.0 * math.pi)))
+        turn = abs(math.degrees(short_turn(found.heading - math.radians(degrees))))
         claims += found.certain
         wrong += found.certain and (away > 0.5 or turn > 10.0)
         cell = (int(y // CELL_SIZE), int(x // CELL_SIZE))
@@ -248,20 +242,19 @@ def replay(folder: Path, lab: Lab) -> Replay:
 
 def _reading_times(recording: Recording) -> list[int]:
     """When the published method's own agent takes the readings that its file says something about."""
-    way = left = right = 0.0
+    driven, wheels = 0.0, STANDSTILL
     times = []
     for number, (measures, command) in enumerate(recording.inputs):
         if number > 0:
-            wheels = command or (0.0, 0.0)
-            left, right = filter_power(wheels[0], left), filter_power(wheels[1], right)
-            way += (left + right) / 2.0
-        whole = round(math.fmod(round(way, 3), CELL_SIZE), 1) == 0.0
-        if number == 0 or (whole and way >= CELL_SIZE / 2.0):
+            wheels = filter_wheels(command or STANDSTILL, wheels)
+            driven += (wheels[0] + wheels[1]) / 2.0
+        whole = round(math.fmod(round(driven, 3), CELL_SIZE), 1) == 0.0
+        if number == 0 or (whole and driven >= CELL_SIZE / 2.0):
             times.append(measures.time)
     return times
 
 
-def verdict(block: Block | None, cell: Cell) -> str:
+def verdict(block: Floats | None, cell: Cell) -> str:
     """Say in a word whether a block of a belief file is right.
 
     Parameters
@@ -330,7 +323,7 @@ def replay_table(found: Replay) -> str:
     )
 
 
-def _said(block: Block | None, cell: Cell) -> tuple[str, str]:
+def _said(block: Floats | None, cell: Cell) -> tuple[str, str]:
     word = verdict(block, cell)
     if block is None or word == "nan":
         return "-", word
@@ -375,7 +368,7 @@ def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
     axes.annotate("start", found.path[0], xytext=(0, -16), textcoords="offset points", ha="center")
     axes.annotate("end", found.path[-1], xytext=(0, -16), textcoords="offset points", ha="center")
     set_lab_axes(axes, lab.width, lab.height)
-    axes.set_title(f"{found.name}: where the robot really drove (units)")
+    axes.set_title(f"{found.name}: where the robot really drove")
     panels = list(below.subplots(rows, 4, squeeze=False).flat)
     norm, nothing = probability_scale(), np.full((lab.rows, lab.columns), np.nan)
     for axis in panels:
@@ -389,6 +382,7 @@ def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
             axis.set_axis_on()
             axis.set_xticks([])
             axis.set_yticks([])
+            axis.set(xlabel="", ylabel="")
     left = len(found.moments) - len(moments)
     more = f"; {left} later blocks are not shown" if left else ""
     below.suptitle(
@@ -399,6 +393,6 @@ def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
     save_figure(figure, path)
 
 
-def _panel_words(block: Block | None, cell: Cell) -> str:
+def _panel_words(block: Floats | None, cell: Cell) -> str:
     said, word = _said(block, cell)
     return "not a number" if word == "nan" else word if block is None else f"{said}, {word}"

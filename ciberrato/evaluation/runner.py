@@ -167,8 +167,8 @@ def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
     executor = ProcessPoolExecutor(workers, context, initializer=_ignore_interrupt)
     try:
         # Before the first run, or each process would compute the same tables for itself.
-        needed = dict.fromkeys(order for task in tasks for order in tables_needed(task))
-        wait([executor.submit(_prepare, *order) for order in needed])
+        needed = dict.fromkeys(tables for task in tasks for tables in tables_needed(task))
+        wait([executor.submit(_prepare, *tables) for tables in needed])
         waiting = iter(tasks)
         running: set[Future[Result | Failure]] = set()
         while True:

@@ -12,11 +12,11 @@ from agent.drives.clearance import clearance
 from ciberrato.errors import LabError
 from ciberrato.evaluation.task import Task
 from ciberrato.files.start_grid import read_grid
+from ciberrato.geometry.angles import short_turn
 from ciberrato.labs import find_grid
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.physics.kinematics import ROBOT_RADIUS
-
-Pose = tuple[float, float, float]
+from ciberrato.world.coordinates import Pose
 
 _LEAST_CLEARANCE = 0.52
 _FAR = 3.0
@@ -52,7 +52,7 @@ def start_pose(task: Task, lattice: Lattice, generator: np.random.Generator) -> 
             raise LabError("no cell has room for a robot in its centre", source=task.lab)
         chosen = int(generator.choice(possible))
         turn = math.pi / 2.0 * int(generator.integers(4))
-        return float(lattice.x[chosen]), float(lattice.y[chosen]), math.remainder(turn, 2.0 * math.pi)
+        return float(lattice.x[chosen]), float(lattice.y[chosen]), short_turn(turn)
     return free_pose(lattice, generator, np.ones(lattice.size, np.bool_))
 
 

@@ -7,8 +7,12 @@ import json
 from dataclasses import dataclass, field
 from typing import Any
 
+from agent.drives.registry import DRIVES as KINDS
+from agent.drives.registry import read_place
+
 STARTS = ("grid", "centres", "free")
-DRIVES = ("right", "explore", "active", "goto")
+DRIVES = tuple(name for name, kind in KINDS.items() if kind.argument in (None, read_place))
+"""Drives that take nothing, or a place that is chosen at random."""
 PRIORS = ("told", "anywhere")
 GPS = ("announced", "on", "off")
 TRUTH_PERIOD = 10
@@ -36,7 +40,8 @@ class Task:
     compass : bool
         Whether the robot has a compass.
     seed : int
-    drive : {"right", "explore", "active", "goto"}
+    drive : str
+        One of `DRIVES`.
     cycles : int
         Length of the run.
     resolution : float

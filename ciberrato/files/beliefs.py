@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.errors import LabError
 from ciberrato.files.atomic import replace_file
-
-Array = NDArray[np.float64]
 
 MIN_PRECISION, MAX_PRECISION = 2, 17
 _VALUE = re.compile(r"\S+")
@@ -39,7 +37,7 @@ class BeliefRun:
         The most decimals of any value: how fine the file tells probabilities.
     """
 
-    beliefs: Array
+    beliefs: Floats
     first_line: int
     decimals: int
 
@@ -61,7 +59,7 @@ class _Block:
         return bool(2 * possible.size > values.size > 1 and np.all(possible == possible[0]))
 
 
-def format_beliefs(beliefs: Array, precision: int = 3) -> str:
+def format_beliefs(beliefs: Floats, precision: int = 3) -> str:
     """Write beliefs as the text of a belief file.
 
     Parameters
@@ -83,7 +81,7 @@ def format_beliefs(beliefs: Array, precision: int = 3) -> str:
     return "".join(line + "\n" for line in lines)
 
 
-def write_beliefs(path: str | os.PathLike[str], beliefs: Array, precision: int = 3) -> None:
+def write_beliefs(path: str | os.PathLike[str], beliefs: Floats, precision: int = 3) -> None:
     """Write a belief file so that it is there whole or not at all.
 
     Parameters

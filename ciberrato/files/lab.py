@@ -15,7 +15,8 @@ from ciberrato.files.vocabulary import LAB, check_attributes, check_place, check
 from ciberrato.files.xml import Reader, read_file
 from ciberrato.files.xml_document import Element, parse_elements
 from ciberrato.geometry.angles import bearing, wrap_once
-from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Point, Target, Wall
+from ciberrato.world.coordinates import Point
+from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
 
 MAX_SIDE = 2000.0
 """Longest side of a lab in units, so that a slip of the pen does not ask for all the memory there is."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from ciberrato.world.lab import CELL_SIZE, Point, Wall
+from ciberrato.world.coordinates import Point
+from ciberrato.world.lab import CELL_SIZE, Wall
 
 HALF_THICKNESS = 0.1
 CLOSING_COLUMN = 39

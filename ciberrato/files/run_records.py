@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import CELL_SIZE
 from ciberrato.world.parameters import Parameters
 
@@ -89,13 +90,14 @@ class Cycle:
         Left and right motor in effect after this message was dealt with; None before the first command.
     answered : bool
         Whether a command was sent in answer (of several waiting messages only the newest is answered).
-    displacement : float
-        Way driven to the right since the first cell's centre, in units, as estimated.
-    lateral : float
-        Distance to the left of the row's middle line, in units, as estimated.
-    heading : float
-        Heading in degrees, as estimated.
-    spread : tuple of float
+    displacement : float or None
+        Way driven to the right since the first cell's centre, in units, as the dead reckoning of the drive to
+        the right has it; None, as the next three, where another drive decides.
+    lateral : float or None
+        Distance to the left of the row's middle line, in units, likewise.
+    heading : float or None
+        Heading in degrees, likewise.
+    spread : tuple of float, or None
         Standard deviations of the last three, in their units.
     phase : str
         What the agent was doing, in its own words.
@@ -125,10 +127,10 @@ class Cycle:
     leds: tuple[bool, bool, bool] = (False, False, False)
     command: tuple[float, float] | None = None
     answered: bool = False
-    displacement: float = 0.0
-    lateral: float = 0.0
-    heading: float = 0.0
-    spread: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    displacement: float | None = None
+    lateral: float | None = None
+    heading: float | None = None
+    spread: tuple[float, float, float] | None = None
     phase: str = ""
     step: int | None = None
     readings: Readings | None = None
@@ -136,6 +138,23 @@ class Cycle:
     entropy: float | None = None
     cells: tuple[tuple[int, int, float], ...] | None = None
     modes: tuple[tuple[float, float, float, float], ...] | None = None
+
+    @property
+    def measures(self) -> Measures:
+        """Return the message, without what the log does not keep: beacons, GPS, line, what was heard."""
+        end_led, returning_led, visiting_led = self.leds
+        return Measures(
+            time=self.time,
+            start=self.start,
+            stop=self.stop,
+            end_led=end_led,
+            returning_led=returning_led,
+            visiting_led=visiting_led,
+            collision=self.collision,
+            compass=self.compass,
+            ground=self.ground,
+            infrared=self.infrared,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,17 +201,23 @@ class RecordedRun:
     cycles: tuple[Cycle, ...] = ()
 
     @property
+    def inputs(self) -> tuple[tuple[Measures, tuple[float, float] | None], ...]:
+        """Return every message with the motor command in effect before it, as a filter wants them."""
+        commands = (None, *(cycle.command for cycle in self.cycles[:-1]))
+        return tuple((cycle.measures, command) for cycle, command in zip(self.cycles, commands, strict=False))
+
+    @property
     def steps(self) -> tuple[Step, ...]:
-        """The readings for the filter, in order."""
+        """The readings for the filter, in order; where no dead reckoning is logged, of cells' centres."""
         return tuple(
             Step(
                 index=cycle.step,
                 time=cycle.time,
                 readings=cycle.readings if cycle.readings is not None else cycle.infrared,
-                along=cycle.displacement - CELL_SIZE * cycle.step,
-                lateral=cycle.lateral,
-                heading=cycle.heading,
-                spread=cycle.spread,
+                along=0.0 if cycle.displacement is None else cycle.displacement - CELL_SIZE * cycle.step,
+                lateral=cycle.lateral or 0.0,
+                heading=cycle.heading or 0.0,
+                spread=cycle.spread or (0.0, 0.0, 0.0),
             )
             for cycle in self.cycles
             if cycle.step is not None

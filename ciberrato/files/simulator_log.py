@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from ciberrato.errors import LabError, ProtocolError, UsageError
+from ciberrato.files.log_kind import GZIP_MAGIC
 from ciberrato.files.xml_document import MISMATCH, end_line
 from ciberrato.protocol import Actions, Measures, decode_parameters
 from ciberrato.protocol.lab_text import grid_from_element, lab_from_element
@@ -150,7 +151,7 @@ class SimulatorLog:
 
 
 def read_simulator_log(path: str | Path) -> SimulatorLog:
-    """Read a whole log; one whose name ends in ``.gz`` is unpacked.
+    """Read a whole log; one that is packed with gzip is unpacked.
 
     Parameters
     ----------
@@ -231,7 +232,9 @@ def _pieces(path: str | Path) -> Iterator[bytes]:
 
 
 def _open(path: str | Path) -> BinaryIO:
-    if str(path).endswith(".gz"):
+    with open(path, "rb") as file:
+        packed = file.read(2) == GZIP_MAGIC
+    if packed:
         return gzip.open(path)  # type: ignore[return-value]  # reads like one
     return open(path, "rb")
 

@@ -1,8 +1,17 @@
-"""Angles as the real simulator computes them: its outcomes hang on them where a comparison is close."""
+"""Angles: two rules that bring them in, each for a number and for an array.
+
+`wrap_once` and `wrap_each_once` take at most one turn off, as the real simulator does: its outcomes hang on
+that where a comparison is close. `short_turn` and `short_turns` take all whole turns off: the difference
+between two headings, the short way round. (`ciberrato.bayes` has its own, as it knows nothing of the rest.)
+"""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ciberrato.arrays import Floats
 
 _TURN = 2 * math.pi
 
@@ -25,6 +34,58 @@ def wrap_once(angle: float) -> float:
     if angle < -math.pi:
         return angle + _TURN
     return angle
+
+
+def wrap_each_once(angles: Floats) -> Floats:
+    """Take at most one turn off each angle, as `wrap_once`, to the last bit.
+
+    Parameters
+    ----------
+    angles : array
+        Radians.
+
+    Returns
+    -------
+    array
+        Of the same shape.
+    """
+    import numpy as np
+
+    return np.where(angles > math.pi, angles - _TURN, np.where(angles < -math.pi, angles + _TURN, angles))
+
+
+def short_turn(angle: float) -> float:
+    """Take all whole turns off an angle.
+
+    Parameters
+    ----------
+    angle : float
+        Radians.
+
+    Returns
+    -------
+    float
+        Within ±π; both ends can occur. Exact: an angle within ±π stays as it is.
+    """
+    return math.remainder(angle, _TURN)
+
+
+def short_turns(angles: Floats) -> Floats:
+    """Take all whole turns off each angle.
+
+    Parameters
+    ----------
+    angles : array
+        Radians.
+
+    Returns
+    -------
+    array
+        Of the same shape, within ±π; both ends can occur. Angles within ±π stay as they are.
+    """
+    import numpy as np
+
+    return np.asarray(angles - _TURN * np.rint(angles / _TURN))
 
 
 def bearing(x: float, y: float, to_x: float, to_y: float) -> float:

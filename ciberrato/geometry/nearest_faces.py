@@ -13,9 +13,8 @@ from collections.abc import Iterator
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from ciberrato.arrays import Floats
 
 Face = tuple[float, float, float, float, float, float, float, float, float]
 """Start x and y, end x and y, edge x and y (from start to end), length, direction x and y (unit vector)."""

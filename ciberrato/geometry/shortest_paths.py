@@ -1,10 +1,10 @@
-"""Shortest ways of a disc between walls: straight lines from corner to corner, and arcs around them.
+"""Shortest paths of a disc between walls: straight lines from corner to corner, and arcs around them.
 
-The centre of a disc of radius r stays r away from all walls, so a shortest way is a string pulled tight
+The centre of a disc of radius r stays r away from all walls, so a shortest path is a string pulled tight
 around circles of radius r about the walls' convex corners: it consists of common tangents of such circles and
 of arcs on them. Where the string touches a circle, the wall lies inside the bend; only the arc between the
 normals of the two faces that meet in the corner can be touched. `DiscPaths` finds all tangents that are free,
-`PathsFrom` the shortest way from one start to the end of each.
+`PathsFrom` the shortest path from one start to the end of each.
 """
 
 from __future__ import annotations
@@ -16,14 +16,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Booleans, Floats, Indices
 from ciberrato.geometry.walls import WallMap, face_distances
 from ciberrato.world.lab import Lab
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 _STEP = math.radians(3.0)
 """Arcs are looked at in steps of that; in between a wall may come 0.0002 nearer than it should."""
@@ -33,7 +29,7 @@ _SQUARE = 0.25
 _BLOCK = 64
 """Lines looked at closely at once."""
 _BATCH = 16
-"""Ways looked at at once, shortest first, where the first free one counts."""
+"""Paths looked at at once, shortest first, where the first free one counts."""
 _BLOCK_ELEMENTS = 2**18
 """Pairs of corners looked at at once."""
 
@@ -70,12 +66,12 @@ class _Corners:
     normal: Floats
     turn: Floats
 
-    def __getitem__(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> _Corners:
+    def __getitem__(self, which: Indices | Booleans) -> _Corners:
         return _Corners(self.x[which], self.y[which], self.normal[which], self.turn[which])
 
 
 class DiscPaths:
-    """All that shortest ways of a disc in a lab can be made of.
+    """All that shortest paths of a disc in a lab can be made of.
 
     Parameters
     ----------
@@ -105,7 +101,7 @@ class DiscPaths:
         return self
 
     def paths_from(self, x: float, y: float) -> PathsFrom:
-        """Find the shortest ways from a place to all corners."""
+        """Find the shortest paths from a place to all corners."""
         return PathsFrom(self, x, y)
 
     def _near_squares(self, lab: Lab) -> Booleans:
@@ -128,7 +124,7 @@ class DiscPaths:
             near[part] |= (distances < reach).reshape(near[part].shape)
         return near
 
-    def _blocked_samples(self, corners: _Corners) -> list[NDArray[np.bool_]]:
+    def _blocked_samples(self, corners: _Corners) -> list[Booleans]:
         """For each corner, which points of its arc are too near to some wall."""
         blocked = []
         walls, reach = self.walls, 2.0 * self.radius
@@ -247,7 +243,7 @@ class DiscPaths:
         low, high = max(low, 0), min(high, last)
         return high < low or before[high + 1] == before[low]
 
-    def _offsets(self, which: NDArray[np.intp], side: float, ux: Floats, uy: Floats) -> Floats:
+    def _offsets(self, which: Indices, side: float, ux: Floats, uy: Floats) -> Floats:
         """Where on their arcs tangents of direction u touch circles; nan where they do not."""
         corners = self._corners
         touch = np.arctan2(-side * ux, side * uy)
@@ -265,12 +261,12 @@ def disc_paths(lab: Lab, radius: float) -> DiscPaths:
 
 
 class PathsFrom:
-    """Shortest ways from one place; made by `DiscPaths.paths_from`."""
+    """Shortest paths from one place; made by `DiscPaths.paths_from`."""
 
     def __init__(self, paths: DiscPaths, x: float, y: float) -> None:
         self._paths = paths
         self._start = (x, y)
-        # For each circle and side: where ways end on it, and how long they are.
+        # For each circle and side: where paths end on it, and how long they are.
         self._ends: dict[int, list[tuple[float, float]]] = {}
         candidates = paths.tangents_from(x, y)
         free = _free(paths, x, y, [point for _, point in candidates])
@@ -300,7 +296,7 @@ class PathsFrom:
         return end >= begin - _ROUNDING and self._paths.arc_is_free(tangent.touch, begin, end)
 
     def length_to(self, x: float, y: float) -> float:
-        """Length of the shortest way from the start to a place.
+        """Length of the shortest path from the start to a place.
 
         Parameters
         ----------
@@ -310,11 +306,11 @@ class PathsFrom:
         Returns
         -------
         float
-            Units; infinite if there is no way.
+            Units; infinite if there is no path.
         """
         if _free(self._paths, *self._start, [(x, y)])[0]:
             return math.hypot(x - self._start[0], y - self._start[1])
-        ways = []
+        paths = []
         for tangent, point in self._paths.tangents_from(x, y):
             # Seen from the end, the circle is passed on the other side, and its arc the other way round.
             circle = tangent.touch ^ 1
@@ -325,10 +321,10 @@ class PathsFrom:
                 if offset >= begin - _ROUNDING and self._paths.arc_is_free(circle, begin, offset)
             ]
             if reached:
-                ways.append((min(reached) + tangent.length, point))
-        ways.sort()
-        for low in range(0, len(ways), _BATCH):
-            some = ways[low : low + _BATCH]
+                paths.append((min(reached) + tangent.length, point))
+        paths.sort()
+        for low in range(0, len(paths), _BATCH):
+            some = paths[low : low + _BATCH]
             free = _free(self._paths, x, y, [point for _, point in some])
             if free.any():
                 return some[int(free.argmax())][0]

@@ -11,11 +11,8 @@ import math
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Booleans = NDArray[np.bool_]
+from ciberrato.arrays import Booleans, Floats, Indices
 
 SQUARES_PER_UNIT = 2
 SECTORS = 8

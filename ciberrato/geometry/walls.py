@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ciberrato.arrays import Booleans, Floats
 from ciberrato.geometry.nearest_faces import NearbyFaces
 from ciberrato.geometry.visible_faces import ViewLists
 from ciberrato.world.lab import Lab, Wall
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 _BLOCK_ELEMENTS = 2**15
 """Points times faces worked on at once: arrays of 256 kB stay in the cache."""

@@ -16,3 +16,14 @@ module              what it is for
 `sweep`             evenly spaced directions at all places of a lattice (tables of the pose filter)
 ==================  =========================================================================================
 """
+
+__all__ = [
+    "cone_arrays",
+    "cone_compiled",
+    "cone_pairs",
+    "cone_scalar",
+    "face_tables",
+    "model",
+    "on_face",
+    "sweep",
+]

@@ -7,13 +7,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats, Integers
 from ciberrato.geometry.visible_faces import LONGEST, SECTORS, SECTORS_PER_RADIAN
 from ciberrato.infrared.cone_pairs import IN_LINE
 from ciberrato.infrared.cone_scalar import COS, TAN, single_cone_distances
 from ciberrato.infrared.face_tables import NOWHERE, LabTables
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _ROUNDS = (0, 3, 6, 12, LONGEST)
 """Faces are looked at in rounds; most sensors have found the nearest one after the first."""

@@ -12,13 +12,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Booleans, Floats
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.on_face import distance_by_angles
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 HALF_APERTURE = math.pi / 6
 """Radians from the sensor's axis to the edge of its cone."""

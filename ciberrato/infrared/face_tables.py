@@ -12,13 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Booleans, Floats, Integers
 from ciberrato.geometry.visible_faces import LONGEST, SECTORS, SQUARES_PER_UNIT
 from ciberrato.geometry.walls import WallMap
 from ciberrato.physics.kinematics import ROBOT_RADIUS
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Booleans = NDArray[np.bool_]
 
 OUTSIDE = 2
 """Units beyond the border that still have squares: sensors may stick out of the lab."""

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Sequence
 from typing import Literal, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ciberrato.arrays import Booleans, Floats
 from ciberrato.bayes.sensors.normal import log_interval
 from ciberrato.geometry.angles import wrap_once
 from ciberrato.geometry.walls import WallMap
@@ -34,8 +35,6 @@ __all__ = [
     "sensor_distances",
 ]
 
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 
 SENSOR_OFFSET = 0.5
 """Units from the robot's centre to each sensor."""

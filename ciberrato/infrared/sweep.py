@@ -13,12 +13,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, SENSOR_OFFSET
-
-Floats = NDArray[np.float64]
 
 _TOUCH = 1e-9
 _TILE = 1.0  # units; size of a neighbourhood
@@ -85,9 +83,9 @@ def _rays(walls: WallMap, sensors: Floats, direction: float) -> Floats:
         if run.start == run.stop:
             continue
         slope = (end_u[face] - start_u[face]) / rise[face]
-        way = start_u[face] - start_v[face] * slope + across[run] * slope - along[run]
-        way[way < -_TOUCH] = np.inf
-        np.minimum(best[run], way, out=best[run])
+        reach = start_u[face] - start_v[face] * slope + across[run] * slope - along[run]
+        reach[reach < -_TOUCH] = np.inf
+        np.minimum(best[run], reach, out=best[run])
     result = np.empty_like(best)
     result[order] = np.maximum(best, 0.0)
     return result

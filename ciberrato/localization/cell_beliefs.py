@@ -15,18 +15,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief.estimate import PoseEstimate, estimate
 from ciberrato.localization.belief.pose_belief import PoseBelief
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.live_filter import Input
-from ciberrato.localization.records import FilterSettings, FilterStep
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.records import FilterSettings, FilterStep, Input
 from ciberrato.localization.tables.pose_tables import PoseTables
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
-
-Floats = NDArray[np.float64]
 
 _LEAST = 1e-9
 
@@ -75,7 +72,7 @@ def cell_beliefs(
     array, shape (blocks, rows, columns)
         Marginals over heading and place in the cell; row 0 is the bottom row. Each sums to 1.
     """
-    forward = PoseFilter(lab, tables, parameters, settings, start=start)
+    forward = GridFilter(lab, tables, parameters, settings, start=start)
     prior = _cells(lab, tables.lattice.x, tables.lattice.y, forward.belief.square_weights())
     moments: list[_Moment] = []
     restarts: list[int] = []
@@ -93,8 +90,12 @@ def cell_beliefs(
     found = [moment.estimate for moment in moments]
     if smooth:
         first = restarts[-1] if restarts else 0
-        backward = PoseFilter(
-            lab, tables, parameters, dataclasses.replace(forward.settings, alarm=math.inf), start="anywhere"
+        backward = GridFilter(
+            lab,
+            tables,
+            parameters,
+            dataclasses.replace(forward.stage.settings, alarm=math.inf),
+            start="anywhere",
         )
         for number in range(len(moments) - 1, first - 1, -1):
             moment = moments[number]
@@ -121,7 +122,7 @@ def _entries(found: list[PoseEstimate]) -> list[int]:
     return numbers
 
 
-def _moment(pose_filter: PoseFilter) -> _Moment:
+def _moment(pose_filter: GridFilter) -> _Moment:
     assert pose_filter.last_step is not None
     belief = pose_filter.belief
     bins, squares, weights = belief.listed()

@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ciberrato.protocol.messages import BeaconReading
+from ciberrato.physics.kinematics import Command
+from ciberrato.protocol.messages import BeaconReading, Measures
+
+"""Left and right motor command, units a cycle."""
+Input = tuple[Measures, Command | None]
+"""A message, and the command in effect since the one before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

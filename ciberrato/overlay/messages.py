@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from ciberrato.arrays import Floats
 
 VERSION = 1
 """Version of the format; a viewer refuses others."""
@@ -27,8 +26,6 @@ MOST_POINTS = 500
 
 MOST_TEXT = 200
 """Characters of a text, a label, an id or a source's name."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

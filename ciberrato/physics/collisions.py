@@ -21,8 +21,7 @@ from collections.abc import Sequence
 
 from ciberrato.geometry.walls import WallMap
 from ciberrato.physics.kinematics import ROBOT_RADIUS
-
-Pose = tuple[float, float, float]
+from ciberrato.world.coordinates import Pose
 
 
 def resolve_collisions(

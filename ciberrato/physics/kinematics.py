@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, TypeVar
 
-from ciberrato.geometry.angles import wrap_once
+from ciberrato.geometry.angles import wrap_each_once, wrap_once
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,6 +23,9 @@ ROBOT_RADIUS = 0.5
 """Units; the distance between the wheels is twice that."""
 
 Number = TypeVar("Number", float, "NDArray[np.float64]")
+Command = tuple[float, float]
+"""Of the left and the right motor, in units a cycle."""
+STANDSTILL: Command = (0.0, 0.0)
 
 
 def clamp_power(command: Number) -> Number:
@@ -63,6 +66,25 @@ def filter_power(command: Number, previous: Number, factor: Number | float = 1.0
     return (command + previous) / 2.0 * factor
 
 
+def filter_wheels(command: Command, wheels: Command) -> Command:
+    """Powers that the motors give in a cycle without noise: `filter_power` for the left and the right one.
+
+    Parameters
+    ----------
+    command : (float, float)
+        As sent: left and right, in units a cycle; clamped here, as the simulator does.
+    wheels : (float, float)
+        Powers given in the cycle before; 0 at the start.
+
+    Returns
+    -------
+    (float, float)
+        Units a cycle.
+    """
+    left, right = wheels
+    return filter_power(clamp_power(command[0]), left), filter_power(clamp_power(command[1]), right)
+
+
 def wrap_angle(angle: Number) -> Number:
     """Take at most one turn off an angle.
 
@@ -79,10 +101,7 @@ def wrap_angle(angle: Number) -> Number:
     """
     if isinstance(angle, (float, int)):
         return wrap_once(angle)
-    import numpy as np
-
-    turns = np.where(angle > math.pi, -2 * math.pi, np.where(angle < -math.pi, 2 * math.pi, 0.0))
-    return angle + turns
+    return wrap_each_once(angle)
 
 
 def advance(

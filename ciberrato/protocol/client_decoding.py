@@ -29,7 +29,6 @@ from ciberrato.protocol.messages import (
     ViewRegistration,
 )
 from ciberrato.protocol.text import finite_real, lenient_integer, lenient_real, shown
-from ciberrato.protocol.tolerantxml import parse_tolerantly
 from ciberrato.protocol.xmltree import Element, message_bytes, parse_document
 
 _COMMANDS: dict[str, ViewCommand] = {
@@ -213,6 +212,9 @@ def _parse(data: bytes) -> Element:
     try:
         return parse_document(data, invalid_bytes="?")
     except ProtocolError:
+        # Its patterns take 20 ms to compile, and a robot waits for that: clients decode nothing of clients.
+        from ciberrato.protocol.tolerantxml import parse_tolerantly
+
         root = parse_tolerantly(data)
         if root is None:
             raise

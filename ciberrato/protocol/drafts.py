@@ -6,11 +6,17 @@ record in every cycle sets the fields of a draft of the same layout, and turns i
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 from ciberrato.protocol.messages import Measures
 
 NOTHING_SEEN = (None, None, None, None)
+_BY_HAND = {
+    *("time", "start", "stop", "end_led", "returning_led", "visiting_led"),  # always set by who makes it
+    *("collision", "compass", "ground", "gps", "line", "score", "infrared", "beacons", "messages"),
+}
+_ADDED = tuple((field.name, field.default) for field in fields(Measures) if field.name not in _BY_HAND)
 
 
 class MeasuresDraft:
@@ -23,6 +29,8 @@ class MeasuresDraft:
         draft.collision = draft.compass = draft.ground = draft.gps = draft.line = draft.score = None
         draft.infrared = NOTHING_SEEN
         draft.beacons = draft.messages = ()
+        for name, default in _ADDED:
+            setattr(draft, name, default)
 
     def finish(self) -> Measures:
         """Turn it into the record: the draft itself, which can be set no more."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
 from typing import Any
 
 from ciberrato.protocol.drafts import MeasuresDraft
-from ciberrato.protocol.messages import BeaconReading, HeardMessage, Measures, ScoreReading
+from ciberrato.protocol.messages import BeaconReading, HeardMessage, Measures, ScoreReading, SensorElement
 from ciberrato.protocol.text import attribute, cdata, general, required, strict_integer, strict_real
 from ciberrato.protocol.xmltree import Element
 
@@ -46,6 +47,14 @@ _LAYOUT = re.compile(
     rb"</Measures>\n?(?:\0|\Z)"
 )  # fmt: skip
 _BEACON = re.compile(rb'Id="([0-9]+)" Value="([^"]+)"')
+
+_ELEMENTS: dict[str, SensorElement] = {
+    field.name: field.metadata["element"] for field in fields(Measures) if "element" in field.metadata
+}
+"""By the field of `Measures`, in the order in which they are written."""
+_FIELDS = {name: field for field, (name, _) in _ELEMENTS.items()}
+_ADDED = _ELEMENTS.keys() - {"gps", "line"}
+"""Of sensors that the layouts above do not know: messages with them go through the XML parser."""
 
 
 def measures_from_layout(data: bytes) -> Measures | None:
@@ -115,8 +124,7 @@ def measures_from_element(root: Element) -> Measures:
     infrared: list[float | None] = [None, None, None, None]
     beacons: list[BeaconReading] = []
     heard: list[HeardMessage] = []
-    gps: tuple[float, float] | None = None
-    line: str | None = None
+    others: dict[str, Any] = {}
     score: ScoreReading | None = None
     leds = buttons = None
     for part in root.children:
@@ -135,13 +143,9 @@ def measures_from_element(root: Element) -> Measures:
                         infrared[index] = reading
                 elif sensor.name == "BeaconSensor":
                     beacons.append(_beacon(values))
-                elif sensor.name == "GPS":
-                    gps = (
-                        strict_real(required(values, "GPS", "X"), "GPS X"),
-                        strict_real(required(values, "GPS", "Y"), "GPS Y"),
-                    )
-                elif sensor.name == "LineSensor":
-                    line = required(values, "LineSensor", "Value")
+                elif sensor.name in _FIELDS:
+                    field = _FIELDS[sensor.name]
+                    others[field] = _read(_ELEMENTS[field], values)
                 elif sensor.name == "Message":
                     sender = strict_integer(required(values, "Message", "From"), "Message From")
                     heard.append(HeardMessage(sender=sender, text=sensor.text))
@@ -160,10 +164,9 @@ def measures_from_element(root: Element) -> Measures:
         ground=None if ground is None else strict_integer(ground, "Sensors Ground"),
         infrared=(infrared[0], infrared[1], infrared[2], infrared[3]),
         beacons=tuple(beacons),
-        gps=gps,
-        line=line,
         messages=tuple(heard),
         score=score,
+        **others,
     )
 
 
@@ -173,6 +176,27 @@ def _beacon(values: dict[str, str]) -> BeaconReading:
         beacon=strict_integer(required(values, "BeaconSensor", "Id"), "BeaconSensor Id"),
         bearing=None if value == "NotVisible" else strict_real(value, "BeaconSensor Value"),
     )
+
+
+def _read(element: SensorElement, values: dict[str, str]) -> Any:
+    """Read the attributes of a sensor's element, each by its kind."""
+    read = []
+    called, attributes = element
+    for name, kind in attributes.items():
+        text, place = required(values, called, name), f"{called} {name}"
+        read.append(text if kind is str else (strict_integer if kind is int else strict_real)(text, place))
+    return read[0] if len(read) == 1 else tuple(read)
+
+
+def _write(element: SensorElement, reading: Any) -> str:
+    """Write a sensor's element."""
+    called, attributes = element
+    values = (reading,) if len(attributes) == 1 else reading
+    written = "".join(
+        f' {name}="{attribute(value, f"{called} {name}") if kind is str else general(value)}"'
+        for (name, kind), value in zip(attributes.items(), values, strict=True)
+    )
+    return f"\t\t<{called}{written} />\n"
 
 
 def _score(values: dict[str, str]) -> ScoreReading:
@@ -212,7 +236,10 @@ def measures_to_xml(measures: Measures, *, log: bool = False) -> str:
         and ir0 is not None and ir1 is not None and ir2 is not None and ir3 is not None
         and not log
     ):  # fmt: skip
-        if m.line is not None and not m.beacons and m.gps is None and not m.messages and m.score is None:
+        if (
+            m.line is not None and not _ADDED and not m.beacons
+            and m.gps is None and not m.messages and m.score is None
+        ):  # fmt: skip
             others = f'\t\t<LineSensor Value="{attribute(m.line, "LineSensor Value")}" />\n'
         else:
             others = _other_sensors(m, log=False)
@@ -266,10 +293,10 @@ def _other_sensors(m: Measures, *, log: bool) -> str:
         f' Value="{"NotVisible" if reading.bearing is None else general(reading.bearing)}"/>\n'
         for reading in m.beacons
     ]
-    if m.gps is not None:
-        lines.append(f'\t\t<GPS X="{general(m.gps[0])}" Y="{general(m.gps[1])}" />\n')
-    if m.line is not None:
-        lines.append(f'\t\t<LineSensor Value="{attribute(m.line, "LineSensor Value")}" />\n')
+    for name, element in _ELEMENTS.items():
+        reading = getattr(m, name)
+        if reading is not None:
+            lines.append(_write(element, reading))
     if log:
         return "".join(lines)
     lines += (

@@ -5,7 +5,8 @@ Values are those on the wire: degrees, units, cycles. What is absent on the wire
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
@@ -225,6 +226,19 @@ class ScoreReading:
     visited_mask: str = ""
 
 
+SensorElement = tuple[str, dict[str, type]]
+"""How a sensor's reading stands in Measures: as an element in Sensors, after the beacons.
+
+Its name, and names and kinds (float, int or str) of its attributes, in the order in which they are written.
+With one attribute the reading is its value, with several a tuple of them.
+"""
+
+
+def sent_as(name: str, **attributes: type) -> Any:
+    """Return the field of a sensor that is sent as an element of its own; None where it is not sent."""
+    return field(default=None, metadata={"element": (name, attributes)})
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measures:
     """What a robot's sensors say after a cycle.
@@ -264,8 +278,8 @@ class Measures:
     ground: int | None = None
     infrared: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
     beacons: tuple[BeaconReading, ...] = ()
-    gps: tuple[float, float] | None = None
-    line: str | None = None
+    gps: tuple[float, float] | None = sent_as("GPS", X=float, Y=float)
+    line: str | None = sent_as("LineSensor", Value=str)
     messages: tuple[HeardMessage, ...] = ()
     score: ScoreReading | None = None
 

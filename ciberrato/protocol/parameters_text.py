@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from ciberrato.protocol.text import attribute, general, strict_integer, strict_real
 from ciberrato.world.parameter_names import FILE_NAMES, INTEGERS, REALS, SWITCHES
@@ -29,6 +31,14 @@ _LAYOUT = """\
 \t\tTargetReward="%d" HomeReward="%d"
 %s/>
 """
+_REAL_SIMULATORS = set(re.findall(r"(\w+)=", _LAYOUT))
+_ADDED: dict[str, tuple[str, Callable[[Any], str]]] = {
+    name: (field, write)
+    for names, write in ((INTEGERS, str), (REALS, general), (SWITCHES, lambda value: _on(value)))
+    for name, field in names.items()
+    if name not in _REAL_SIMULATORS
+}
+"""Parameters that only our simulator has: announced behind the others."""
 
 
 def encode_parameters(parameters: Parameters, n_beacons: int) -> str:
@@ -56,6 +66,7 @@ def encode_parameters(parameters: Parameters, n_beacons: int) -> str:
         for name, value in (("Lab", p.lab_file), ("Grid", p.grid_file))
         if value is not None
     )
+    added = "".join(f'\t\t{name}="{write(getattr(p, field))}"\n' for name, (field, write) in _ADDED.items())
     return _LAYOUT % (
         p.sim_time,
         p.cycle_time,
@@ -90,7 +101,7 @@ def encode_parameters(parameters: Parameters, n_beacons: int) -> str:
         p.collision_robot_penalty,
         p.target_reward,
         p.home_reward,
-        files,
+        added + files,
     )
 
 

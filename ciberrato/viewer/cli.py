@@ -15,6 +15,7 @@ from ciberrato.errors import CiberratoError, UsageError
 
 if TYPE_CHECKING:
     from ciberrato.viewer.server import Server
+    from ciberrato.viewer.session import Session
 
 PROGRAM = "ciberrato-viewer"
 DEFAULT_HTTP_PORT = 6080
@@ -69,9 +70,7 @@ def _build(options: argparse.Namespace) -> Server:
     with contextlib.ExitStack() as opened:
         link: UdpLink | TcpLink | None = None
         if options.run is not None:
-            from ciberrato.viewer.recording import load_recording
-
-            session = load_recording(options.run, options.map, options.start_cell, options.beliefs)
+            session = _recorded(options, notify)
         else:
             host, port = parse_address(options.simulator)
             link = TcpLink(host, port) if options.transport == "tcp" else UdpLink(host, port)
@@ -91,6 +90,28 @@ def _build(options: argparse.Namespace) -> Server:
             _open_overlay(server, options.overlay_port, notify)
         opened.pop_all()
     return server
+
+
+def _recorded(options: argparse.Namespace, notify: Callable[[str], None]) -> Session:
+    """Open a log, whosever it is."""
+    from ciberrato.files.log_kind import is_simulator_log
+
+    if not is_simulator_log(options.run):
+        from ciberrato.viewer.recording import load_recording
+
+        if options.angles is not None:
+            raise UsageError("--angles: an agent's log tells how the sensors are mounted; leave it out")
+        return load_recording(options.run, options.map, options.start_cell, options.beliefs)
+    from ciberrato.viewer.simulator_log import load_simulator_log
+
+    for name, value in (
+        ("-m", options.map),
+        ("--start-cell", options.start_cell),
+        ("--beliefs", options.beliefs),
+    ):
+        if value is not None:
+            raise UsageError(f"{name}: a simulator's log holds the lab and the true poses; leave it out")
+    return load_simulator_log(options.run, options.angles, notify)
 
 
 def _open_overlay(server: Server, port: int | None, notify: Callable[[str], None]) -> None:
@@ -135,7 +156,11 @@ def _parser() -> argparse.ArgumentParser:
         "--transport", choices=("udp", "tcp"), default="udp", help="the real simulator has udp only"
     )
     world.add_argument(
-        "--run", type=Path, metavar="FILE", help="show an agent's log (run.jsonl) instead of a simulator"
+        "--run",
+        type=Path,
+        metavar="FILE",
+        help="show a log instead of a simulator: an agent's (run.jsonl), or a simulator's (--log of the real "
+        "one or of ours), plain or gzip",
     )
     world.add_argument("-m", "--map", metavar="LAB", help="with --run: the lab, where the log names no other")
     world.add_argument(
@@ -149,6 +174,12 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="FILE",
         help="with --run: the agent's localization.out; default: a filter of the viewer's own",
+    )
+    world.add_argument(
+        "--angles",
+        type=_angles,
+        metavar="A,B,C,D",
+        help="with --run and a simulator's log: of the IR sensors, degrees; default: 0,60,-60,180",
     )
     page = parser.add_argument_group("the page")
     page.add_argument(
@@ -193,6 +224,18 @@ def _port(text: str) -> int:
 def _http(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     return host.strip("[]") or "127.0.0.1", _port(port)
+
+
+def _angles(text: str) -> tuple[float, float, float, float]:
+    import math
+
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not four angles in degrees, such as 0,60,-60,180")
+    return numbers
 
 
 def _cell(text: str) -> tuple[int, int]:

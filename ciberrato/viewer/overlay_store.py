@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.overlay import KINDS, GridBelief, OverlayMessage, Shape
+from ciberrato.world.coordinates import Point
 from ciberrato.world.lab import Lab
 
 MOST_SOURCES = 32
@@ -22,8 +23,7 @@ MOST_BELIEF_BYTES = 16_000_000
 """Of all sources together; beyond it every second one of the older half of the greatest is forgotten."""
 
 MOST_MODES = 6
-Place = tuple[float, float]
-PlaceOf = Callable[[int, int], Place | None]
+PlaceOf = Callable[[int, int], Point | None]
 _LEVELS = 65535
 _KIND_NAMES = {record: kind for kind, record in KINDS.items()}
 
@@ -41,8 +41,10 @@ class StoredBelief:
         Probability of the greatest cell.
     entropy : float
         Bits.
+    place : (float, float) or None
+        Where the robot really was at that time, in units, where that is known.
     truth : float or None
-        Probability of the cell that the robot was really in, where that is known.
+        Probability of the cell of that place.
     extent : tuple of four float, or None
     """
 
@@ -50,21 +52,27 @@ class StoredBelief:
     levels: NDArray[np.uint16]
     peak: float
     entropy: float
-    truth: float | None
     extent: tuple[float, float, float, float] | None
+    place: Point | None = None
+    truth: float | None = None
+
+    def cells(self) -> NDArray[np.float64]:
+        """Return the probabilities, shape (rows, columns)."""
+        levels = self.levels.astype(float) / _LEVELS
+        return self.peak * levels * levels
 
     def document(self) -> dict[str, Any]:
         """Write it for the page."""
         from ciberrato.bayes.summaries import modes
 
-        levels = self.levels.astype(float) / _LEVELS
-        cells = self.peak * levels * levels
+        cells = self.cells()
         hills = modes(cells)[:MOST_MODES]
         return {
             "time": self.time,
             "rows": self.levels.shape[0],
             "columns": self.levels.shape[1],
             "extent": self.extent,
+            "place": self.place,
             "peak": self.peak,
             "cells": base64.b64encode(self.levels.astype("<u2").tobytes()).decode(),
             "entropy": round(self.entropy, 4),
@@ -85,7 +93,9 @@ class Source:
     shapes : dict of str to (Shape, float or None)
         By id, with the moment at which each disappears.
     version : int
-        Counts the beliefs received.
+        Counts the beliefs received, and what became known of them later.
+    ahead : list of int
+        Times of beliefs whose frames have not come yet.
     """
 
     def __init__(self, name: str) -> None:
@@ -95,6 +105,7 @@ class Source:
         self.beliefs: list[StoredBelief] = []
         self.shapes: dict[str, tuple[Shape, float | None]] = {}
         self.version = 0
+        self.ahead: list[int] = []
 
     def belief_at(self, time: int) -> StoredBelief | None:
         """Give the belief in effect at a time: the last one that is not later."""
@@ -168,6 +179,7 @@ class OverlayStore:
             self.shapes_version += 1
         if message.clear:
             source.beliefs.clear()
+            source.ahead.clear()
             source.shapes.clear()
         if message.robot is not None:
             source.robot = message.robot
@@ -182,9 +194,35 @@ class OverlayStore:
         self._limit_shapes(source)
         if message.belief is not None:
             then = time if message.time is None else message.time
-            place = None if source.robot is None else place_of(source.robot, then)
-            self._keep(source, _stored(message.belief, then, place, lab))
+            belief = _stored(message.belief, then)
+            if then > time:
+                source.ahead = [*source.ahead, then][-MOST_BELIEFS:]
+            else:
+                belief = _compared(belief, source.robot, lab, place_of)
+            self._keep(source, belief)
         return source
+
+    def settle(self, time: int, lab: Lab | None, place_of: PlaceOf) -> None:
+        """Compare beliefs that were ahead of the frames with the truth of their own time, once it is there.
+
+        Parameters
+        ----------
+        time : int
+            Of the newest frame.
+        lab : Lab or None
+        place_of : callable
+            As for `receive`.
+        """
+        for source in self.sources.values():
+            due = [then for then in source.ahead if then <= time]
+            if not due:
+                continue
+            source.ahead = [then for then in source.ahead if then > time]
+            source.beliefs = [
+                _compared(belief, source.robot, lab, place_of) if belief.time in due else belief
+                for belief in source.beliefs
+            ]
+            source.version += 1
 
     def expire(self, now: float) -> None:
         """Take away the shapes whose time is over."""
@@ -239,7 +277,7 @@ def _thin(source: Source) -> None:
     source.beliefs = source.beliefs[:half:2] + source.beliefs[half:]
 
 
-def _stored(belief: GridBelief, time: int, place: Place | None, lab: Lab | None) -> StoredBelief:
+def _stored(belief: GridBelief, time: int) -> StoredBelief:
     cells = belief.cells / belief.cells.sum()
     positive = cells[cells > 0.0]
     peak = float(cells.max())
@@ -248,17 +286,25 @@ def _stored(belief: GridBelief, time: int, place: Place | None, lab: Lab | None)
         levels=np.round(_LEVELS * np.sqrt(cells / peak)).astype(np.uint16),
         peak=peak,
         entropy=max(0.0, float(-(positive * np.log2(positive)).sum())),
-        truth=_probability_at(cells, belief, place, lab),
         extent=belief.extent,
     )
 
 
+def _compared(belief: StoredBelief, robot: int | None, lab: Lab | None, place_of: PlaceOf) -> StoredBelief:
+    place = None if robot is None else place_of(robot, belief.time)
+    truth = _probability_at(belief.cells(), belief.extent, place, lab)
+    return dataclasses.replace(belief, place=place, truth=truth)
+
+
 def _probability_at(
-    cells: NDArray[np.float64], belief: GridBelief, place: Place | None, lab: Lab | None
+    cells: NDArray[np.float64],
+    extent: tuple[float, float, float, float] | None,
+    place: Point | None,
+    lab: Lab | None,
 ) -> float | None:
-    if place is None or (lab is None and belief.extent is None):
+    if place is None or (lab is None and extent is None):
         return None
-    left, bottom, right, top = belief.extent or (0.0, 0.0, lab.width, lab.height)  # type: ignore[union-attr]
+    left, bottom, right, top = extent or (0.0, 0.0, lab.width, lab.height)  # type: ignore[union-attr]
     rows, columns = cells.shape
     across = (place[0] - left) / (right - left) * columns
     up = (place[1] - bottom) / (top - bottom) * rows

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.errors import LabError
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.lab import parse_lab
@@ -28,8 +28,6 @@ from ciberrato.viewer.session import Session
 from ciberrato.world.lab import CELL_SIZE, Lab
 
 SOURCE = "log"
-
-Floats = NDArray[np.float64]
 
 
 def load_recording(
@@ -178,4 +176,4 @@ def _pose(cycle: Cycle, origin: tuple[float, float]) -> tuple[float, float, floa
     if cycle.estimate is not None:
         x, y, direction, _ = cycle.estimate
         return x, y, direction
-    return origin[0] + cycle.displacement, origin[1] + cycle.lateral, cycle.heading
+    return origin[0] + (cycle.displacement or 0.0), origin[1] + (cycle.lateral or 0.0), cycle.heading or 0.0

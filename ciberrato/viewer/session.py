@@ -116,6 +116,7 @@ class Session:
             self._frame = frame_text(frame)
             self._frames_received += 1
             self.timeline.add(frame, self._frame)
+            self.overlays.settle(frame.time, self.world.lab, self._place_of)
 
     def lost(self, reason: str, now: float) -> None:
         """Take note that the link to the simulator broke."""

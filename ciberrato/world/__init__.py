@@ -1,1 +1,9 @@
 """What there is: labs, start grids and parameters, as frozen records."""
+
+__all__ = [
+    "coordinates",
+    "lab",
+    "parameter_names",
+    "parameters",
+    "start_grid",
+]

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ciberrato.world.coordinates import Point
+
 CELL_SIZE = 2.0
 BORDER_HEIGHT = 4.0
-
-Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,46 +1,36 @@
 """What the simulation parameters are called in XML, by kind: attribute to field of `Parameters`.
 
-These are the names that the simulator announces. Parameter files differ in two of them; see
-`ciberrato.files.parameters`.
+The names follow from those of the fields (``compass_noise``: ``CompassNoise``), but for a few. They are those
+that the simulator announces. Parameter files differ in two of them; see `ciberrato.files.parameters`.
 """
 
 from __future__ import annotations
 
-INTEGERS = {
-    "SimTime": "sim_time",
-    "CycleTime": "cycle_time",
-    "KeyTime": "key_time",
-    "NRequestsPerCycle": "requests_per_cycle",
-    "ObstacleLatency": "obstacle_latency",
-    "BeaconLatency": "beacon_latency",
-    "GroundLatency": "ground_latency",
-    "CompassLatency": "compass_latency",
-    "CollisionLatency": "collision_latency",
-    "ReturnTimePenalty": "return_time_penalty",
-    "ArrivalTimePenalty": "arrival_time_penalty",
-    "CollisionWallPenalty": "collision_wall_penalty",
-    "CollisionRobotPenalty": "collision_robot_penalty",
-    "TargetReward": "target_reward",
-    "HomeReward": "home_reward",
+from dataclasses import fields
+
+from ciberrato.world.parameters import Parameters
+
+_CALLED_OTHERWISE = {
+    "requests_per_cycle": "NRequestsPerCycle",
+    "gps": "GPS",
+    "gps_linear_noise": "GPSLinNoise",
+    "gps_direction_noise": "GPSDirNoise",
+    "lab_file": "Lab",
+    "grid_file": "Grid",
 }
-REALS = {
-    "CompassNoise": "compass_noise",
-    "BeaconNoise": "beacon_noise",
-    "ObstacleNoise": "obstacle_noise",
-    "MotorsNoise": "motors_noise",
-    "GPSLinNoise": "gps_linear_noise",
-    "GPSDirNoise": "gps_direction_noise",
-    "BeaconAperture": "beacon_aperture",
-}
-SWITCHES = {
-    "GPS": "gps",
-    "BeaconSensor": "beacon_sensor",
-    "CompassSensor": "compass_sensor",
-    "ScoreSensor": "score_sensor",
-    "ObstacleRequestable": "obstacle_requestable",
-    "BeaconRequestable": "beacon_requestable",
-    "GroundRequestable": "ground_requestable",
-    "CompassRequestable": "compass_requestable",
-    "CollisionRequestable": "collision_requestable",
-}
-FILE_NAMES = {"Lab": "lab_file", "Grid": "grid_file"}
+_APART = {"line_sensor_true_probability", "show_actions"}
+"""Never announced; written True and False instead of On and Off."""
+
+
+def _names(kind: str) -> dict[str, str]:
+    return {
+        _CALLED_OTHERWISE.get(field.name) or field.name.title().replace("_", ""): field.name
+        for field in fields(Parameters)
+        if field.type == kind and field.name not in _APART
+    }
+
+
+INTEGERS = _names("int")
+REALS = _names("float")
+SWITCHES = _names("bool")
+FILE_NAMES = _names("str | None")

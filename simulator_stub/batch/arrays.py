@@ -7,18 +7,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
+from ciberrato.geometry.angles import wrap_each_once
 from ciberrato.infrared.cone_arrays import many_cone_distances
 from ciberrato.infrared.exact import exact_distance, hang_on_rounding
 from ciberrato.infrared.face_tables import touching
 from ciberrato.infrared.model import CONTACT, SATURATION, SENSOR_OFFSET
-from simulator_stub.batch.motion import cosines_and_sines, wrap
+from simulator_stub.batch.motion import cosines_and_sines
 from simulator_stub.batch.plan import BatchPlan
 from simulator_stub.batch.state import BatchState
 from simulator_stub.sensors.ground import NOWHERE
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
 from simulator_stub.world.floor import inside_any
-
-Floats = NDArray[np.float64]
 
 _CLOSE = 1e-9
 """Units: nearer to the rim of a target than that, only `math` decides."""
@@ -44,7 +44,7 @@ def move(plan: BatchPlan, state: BatchState, noise: Floats | None) -> None:
     speed = (right + left) / 2.0
     cosine, sine = cosines_and_sines(state.heading)
     x, y = state.x + speed * cosine, state.y + speed * sine
-    state.heading = wrap(state.heading + (right - left))
+    state.heading = wrap_each_once(state.heading + (right - left))
     collides = touching(plan.tables, x, y)
     state.collisions += collides & ~state.collides
     state.collides = collides
@@ -67,7 +67,7 @@ def infrared(plan: BatchPlan, state: BatchState, noise: Floats | None) -> Floats
     array, shape (worlds, 4)
     """
     directions = state.heading[:, np.newaxis] + np.array(plan.angles)
-    axes = wrap(directions)
+    axes = wrap_each_once(directions)
     cosine, sine = cosines_and_sines(axes)
     x = state.x[:, np.newaxis] + SENSOR_OFFSET * cosine
     y = state.y[:, np.newaxis] + SENSOR_OFFSET * sine
@@ -90,7 +90,7 @@ def infrared(plan: BatchPlan, state: BatchState, noise: Floats | None) -> Floats
 def compass(plan: BatchPlan, state: BatchState, noise: Floats | None) -> Floats:
     """Read the compasses; noise as above, shape (worlds, 1)."""
     angles = state.heading if noise is None else state.heading + plan.compass_deviation * noise[:, 0]
-    return np.floor(wrap(angles) * 180.0 / math.pi + 0.5)
+    return np.floor(wrap_each_once(angles) * 180.0 / math.pi + 0.5)
 
 
 def ground(plan: BatchPlan, state: BatchState) -> NDArray[np.int64]:

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.infrared.exact import exact_distance, hangs_on_rounding
 from ciberrato.infrared.model import SENSOR_OFFSET, distances_at, ideal_reading, round_reading
 from ciberrato.physics.kinematics import ROBOT_RADIUS
@@ -25,7 +26,6 @@ from simulator_stub.world.floor import Floor
 
 __all__ = ["compass", "ground", "infrared", "line", "move"]
 
-Floats = NDArray[np.float64]
 
 _NO_NOISE = np.zeros((1, 1))
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Integers
 from simulator_stub.world.floor import Floor
-
-Integers = NDArray[np.int64]
 
 
 class FloorTables:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from ciberrato.arrays import Floats
 
 
 def cosines_and_sines(angles: Floats) -> tuple[Floats, Floats]:
@@ -27,9 +26,3 @@ def cosines_and_sines(angles: Floats) -> tuple[Floats, Floats]:
     cosines = np.fromiter(map(math.cos, numbers), np.float64, len(numbers))
     sines = np.fromiter(map(math.sin, numbers), np.float64, len(numbers))
     return cosines.reshape(angles.shape), sines.reshape(angles.shape)
-
-
-def wrap(angles: Floats) -> Floats:
-    """Take at most one turn off angles: `ciberrato.geometry.angles.wrap_once`."""
-    turn = 2 * math.pi
-    return np.where(angles > math.pi, angles - turn, np.where(angles < -math.pi, angles + turn, angles))

@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from simulator_stub.world.noise import NoiseRoot
-
-Floats = NDArray[np.float64]
 
 _BLOCK_NUMBERS = 2**19
 """Numbers drawn at a time, about, in all worlds together; of no influence on the numbers."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.physics.kinematics import MAX_POWER
 from ciberrato.protocol import DEFAULT_SENSOR_ANGLES
 from ciberrato.world.lab import Lab
@@ -24,8 +25,6 @@ from simulator_stub.sensors.ground import NOWHERE
 from simulator_stub.sensors.infrared import SENSORS
 from simulator_stub.sensors.line import SIDEWAYS
 from simulator_stub.world.noise import NoiseRoot
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,9 @@ from collections import deque
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
-Integers = NDArray[np.int64]
+from ciberrato.arrays import Booleans, Floats, Integers
 
 
 @dataclass(slots=True, kw_only=True)

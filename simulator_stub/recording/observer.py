@@ -1,4 +1,4 @@
-"""What a record of a run has to be able to do, and files that hold one world each."""
+"""What an observer of a run is, and files that hold one world each."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from simulator_stub.simulation import Simulation
 
 
-class Recorder:
-    """Somebody who looks on, and mostly writes down what happens; the methods here do nothing."""
+class Observer:
+    """Looks on, and writes down what happens; the methods here do nothing."""
 
     def actions_read(self, simulation: Simulation) -> None:
         """Look at a cycle after the actions are read, before anything moves."""
@@ -32,7 +32,7 @@ def numbered(path: Path, world: int) -> Path:
     return path if world == 1 else path.with_name(f"{path.stem}-{world}{path.suffix}")
 
 
-class WorldFile(Recorder):
+class WorldFile(Observer):
     """A text file that begins anew with each world; subclasses write into it.
 
     The file of the first world is made at once, so that a wrong name is noticed; those of later worlds when

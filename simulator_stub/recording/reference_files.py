@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from ciberrato.errors import UsageError
-from simulator_stub.recording.observer import Recorder
+from simulator_stub.recording.observer import Observer
 from simulator_stub.simulation import Simulation
 
 
-class ReferenceFiles(Recorder):
+class ReferenceFiles(Observer):
     """Writes what the scoring has worked out, when a run has begun.
 
     Parameters

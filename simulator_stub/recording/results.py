@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ciberrato.errors import UsageError
-from simulator_stub.recording.observer import Recorder
+from simulator_stub.recording.observer import Observer
 
 if TYPE_CHECKING:
     from simulator_stub.simulation import Simulation
@@ -19,7 +19,7 @@ FORMAT = 1
 """Number of the format of the result file; counted up when something in it changes its meaning."""
 
 
-class Results(Recorder):
+class Results(Observer):
     """Keeps the outcome of every run in which time passed.
 
     Parameters
@@ -37,6 +37,8 @@ class Results(Recorder):
         Of the run that is going on; None if it has none of its own, as after a Reset.
     runs : list of dict
         The runs so far, as they are in the result file.
+    answers : callable or None
+        Tells by a robot's id how it answered, in lockstep.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class Results(Recorder):
     def __init__(self, *, seed: int, scoring: int, path: Path | None, notify: Callable[[str], None]) -> None:
         self.seed: int | None = seed
         self.runs: list[dict[str, Any]] = []
+        self.answers: Callable[[int], dict[str, int]] | None = None
         self._scoring = scoring
         self._path = path
         self._notify = notify
@@ -60,6 +63,9 @@ class Results(Recorder):
                 "seed": self.seed,
                 "scoring": self._scoring,
             }
+            if self.answers is not None:
+                for robot in run["robots"]:
+                    robot["lockstep"] = self.answers(robot["id"])
             self.runs.append(run)
             self._save()
             for line in summary(run):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from ciberrato.geometry.walls import WallMap
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
-from simulator_stub.scoring.cells import STEPS, Cell, cell_of, is_open
+from simulator_stub.scoring.cells import STEPS, cell_of, is_open
 from simulator_stub.scoring.textmap import START, TextMap
 from simulator_stub.scoring.tours import Links, planning_text
 

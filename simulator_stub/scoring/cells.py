@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from ciberrato.geometry.walls import WallMap
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE
-
-Cell = tuple[int, int]
-"""Column and row, from 0 at the left and at the bottom."""
 
 STEPS: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 """To the four neighbours."""

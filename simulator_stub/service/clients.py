@@ -6,13 +6,14 @@ from collections import deque
 
 from ciberrato.errors import ProtocolError
 from ciberrato.protocol import Actions, ViewCommand, decode_actions, decode_view_command
+from simulator_stub.service.answers import Answers
 from simulator_stub.service.transports import Peer
 
 QUEUE_LIMIT = 1000
 """Messages of one client that may wait; further ones are lost, as in a full socket."""
 
 
-class RobotSeat:
+class RobotClient:
     """A robot's client.
 
     Attributes
@@ -25,11 +26,31 @@ class RobotSeat:
         Whether anything has arrived since the last Measures.
     complete : bool
         Whether the last message that arrived can stand alone (see `stands_alone`).
+    arrived : int
+        Messages taken so far.
+    commands : int
+        Motor commands among them since whoever counts them set it to 0.
+    braked, moving : bool
+        Whether the last of them stops the robot, though the one before did not; whether it moves it.
+    answers : Answers
+        How it answers, for lockstep.
     silent : bool
         Whether it was waited for in vain: it is not waited for until it sends something.
     """
 
-    __slots__ = ("answered", "complete", "messages", "peer", "robot_id", "silent")
+    __slots__ = (
+        "answered",
+        "answers",
+        "arrived",
+        "braked",
+        "commands",
+        "complete",
+        "messages",
+        "moving",
+        "peer",
+        "robot_id",
+        "silent",
+    )
 
     def __init__(self, robot_id: int, peer: Peer) -> None:
         self.robot_id = robot_id
@@ -38,6 +59,11 @@ class RobotSeat:
         self.answered = False
         self.complete = True
         self.silent = False
+        self.arrived = 0
+        self.commands = 0
+        self.braked = False
+        self.moving = False
+        self.answers = Answers(robot_id)
         peer.deliver = self.take
 
     def take(self, data: bytes) -> None:
@@ -51,11 +77,17 @@ class RobotSeat:
         else:
             self.messages.append(actions)
             self.complete = stands_alone(actions)
+            if self.complete:
+                self.commands += 1
+                moves = bool(actions.left_motor or actions.right_motor)
+                self.braked = self.moving and not moves
+                self.moving = moves
+        self.arrived += 1
         self.answered = True
         self.silent = False
 
 
-class ViewSeat:
+class ViewClient:
     """A view's client.
 
     Attributes

@@ -61,8 +61,8 @@ class Runs:
             return True
         if simulation.state is not SimulatorState.RUNNING or not simulation.robots:
             return False
-        seats = self._session.robots
+        clients = self._session.robots
         return all(
-            robot.state in (RobotState.FINISHED, RobotState.REMOVED) or seats[robot.robot_id].peer.closed
+            robot.state in (RobotState.FINISHED, RobotState.REMOVED) or clients[robot.robot_id].peer.closed
             for robot in simulation.robots
         )

@@ -40,8 +40,9 @@ from ciberrato.protocol import (
     encode,
     fit_reply,
 )
-from simulator_stub.recording.observer import Recorder
-from simulator_stub.service.clients import QUEUE_LIMIT, RobotSeat, ViewSeat
+from simulator_stub.recording.observer import Observer
+from simulator_stub.service.clients import QUEUE_LIMIT, RobotClient, ViewClient
+from simulator_stub.service.kidnapping import Kidnapper
 from simulator_stub.service.transports import Newcomer, Peer
 from simulator_stub.simulation import Simulation
 from simulator_stub.world.simulator_state import SimulatorState
@@ -64,16 +65,21 @@ class Session:
     simulation : Simulation
     autostart : int
         Start, once, as soon as that many robots are registered; 0 = wait for a view's command.
-    recorders : sequence of Recorder
+    observers : sequence of Observer
+    kidnapper : Kidnapper or None
+        Moves a robot by hand, before the observers see that the actions are read.
     notify : callable
         Told, in one line each, what people may want to know.
 
     Attributes
     ----------
-    robots : dict of int to RobotSeat
+    robots : dict of int to RobotClient
         By id, in order.
-    views : list of ViewSeat
+    views : list of ViewClient
         In order of their registration.
+    before_measures : callable
+        Called when a cycle is computed, and its Measures are about to go out: what has arrived by then
+        does not answer them.
     """
 
     def __init__(
@@ -81,13 +87,16 @@ class Session:
         simulation: Simulation,
         *,
         autostart: int = 0,
-        recorders: Sequence[Recorder] = (),
+        observers: Sequence[Observer] = (),
+        kidnapper: Kidnapper | None = None,
         notify: Callable[[str], None] = lambda line: None,
     ) -> None:
         self.simulation = simulation
-        self.recorders = recorders
-        self.robots: dict[int, RobotSeat] = {}
-        self.views: list[ViewSeat] = []
+        self.observers = observers
+        self._kidnapper = kidnapper
+        self.robots: dict[int, RobotClient] = {}
+        self.views: list[ViewClient] = []
+        self.before_measures: Callable[[], None] = _nothing
         self._panels: list[Peer] = []
         self._complaints = 0
         self._autostart = autostart
@@ -125,21 +134,23 @@ class Session:
         self._read_actions()
         if simulation.restart_requested:
             self._restart()
-        for recorder in self.recorders:
-            recorder.actions_read(simulation)
+        if self._kidnapper is not None:
+            self._kidnapper.before_move(simulation)
+        for observer in self.observers:
+            observer.actions_read(simulation)
         self._check_in()
         if start:
             self._autostarted = True
             simulation.start()
         self._read_commands()
         measured = simulation.advance()
-        for recorder in self.recorders:
-            recorder.cycle_done(simulation)
+        for observer in self.observers:
+            observer.cycle_done(simulation)
+        self.before_measures()
         for robot_id, measures in measured.items():
-            seat = self.robots[robot_id]
-            # What could not be read yet counts as an answer to these Measures.
-            seat.answered = bool(seat.messages)
-            seat.peer.send(encode(measures))
+            client = self.robots[robot_id]
+            client.answered = False
+            client.peer.send(encode(measures))
         if self.views:
             statuses = [encode(status) for status in simulation.statuses()]
             for view in self.views:
@@ -152,9 +163,9 @@ class Session:
             self._notify(simulation.scoring.notes.pop(0))
 
     def _read_actions(self) -> None:
-        for robot_id, seat in self.robots.items():
-            while seat.messages:
-                message = seat.messages.popleft()
+        for robot_id, client in self.robots.items():
+            while client.messages:
+                message = client.messages.popleft()
                 if isinstance(message, ProtocolError):
                     self._complain(f"robot {robot_id}: {message}")
                     break
@@ -188,7 +199,7 @@ class Session:
                 return
             if isinstance(registration, ViewRegistration):
                 self.simulation.note_client()
-                self.views.append(ViewSeat(peer))
+                self.views.append(ViewClient(peer))
             else:
                 self._panels.append(peer)
             peer.send(self._reply)
@@ -201,7 +212,7 @@ class Session:
             return
         if isinstance(registration, RobotBeaconRegistration):
             self._lab = encode(self.simulation.lab_shown())
-        self.robots[robot_id] = RobotSeat(robot_id, peer)
+        self.robots[robot_id] = RobotClient(robot_id, peer)
         self.robots = dict(sorted(self.robots.items()))
         peer.send(self._reply)
         self._notify(f"robot {robot_id}, {registration.name!r}, registered from {peer.label}")
@@ -232,7 +243,7 @@ class Session:
         if any(view.peer.closed for view in self.views):
             self.views = [view for view in self.views if not view.peer.closed]
 
-    def _obey(self, view: ViewSeat, command: ViewCommand) -> None:
+    def _obey(self, view: ViewClient, command: ViewCommand) -> None:
         match command:
             case Start():
                 self.simulation.start()
@@ -256,8 +267,10 @@ class Session:
         self._notify("restart, as a robot asked for")
 
     def _end_world(self) -> None:
-        for recorder in self.recorders:
-            recorder.world_ended(self.simulation)
+        if self._kidnapper is not None:
+            self._kidnapper.world_ended(self.simulation)
+        for observer in self.observers:
+            observer.world_ended(self.simulation)
 
     def reset(self, seed: int | None = None) -> None:
         """Forget all clients and begin again.
@@ -271,7 +284,7 @@ class Session:
         for view in self.views:
             view.peer.send(encode(Restart()))
             view.peer.close()
-        for peer in (*self._panels, *(seat.peer for seat in self.robots.values())):
+        for peer in (*self._panels, *(client.peer for client in self.robots.values())):
             peer.close()
         self.views = []
         self._panels = []
@@ -286,8 +299,8 @@ class Session:
         state = self.simulation.state
         self._notify(f"{state.value.lower()} at time {self.simulation.time}")
         if state is SimulatorState.RUNNING:
-            for seat in self.robots.values():
-                seat.silent = False
+            for client in self.robots.values():
+                client.silent = False
 
     def close(self) -> None:
         """Finish all records; closing twice does no harm."""
@@ -295,5 +308,9 @@ class Session:
             return
         self._closed = True
         self._end_world()
-        for recorder in self.recorders:
-            recorder.close()
+        for observer in self.observers:
+            observer.close()
+
+
+def _nothing() -> None:
+    """Have nothing to do before Measures go out."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 
-from ciberrato.world.lab import Lab, Point
+from ciberrato.world.coordinates import Point
+from ciberrato.world.lab import Lab
 
 SQUARES_PER_UNIT = 4
 """Small squares keep most lookups from finding any polygon at all."""

@@ -212,7 +212,7 @@ def test_signals_are_given_back_to_whoever_had_them() -> None:
 def test_the_command_line_offers_what_the_log_knows() -> None:
     from typing import get_args
 
-    from agent.commands import DISTANCES, PRESETS
+    from agent.commands.parser import DISTANCES, PRESETS
     from ciberrato.files.run_records import DistanceModel, Preset
 
     assert set(PRESETS) == set(get_args(Preset))

@@ -63,13 +63,13 @@ def test_only_the_newest_message_is_answered(controller: Controller) -> None:
     cycle, actions = controller.observe(measures(1))
     assert actions is not None
     assert cycle.answered
-    assert controller.unanswered == 1
+    assert controller.exchange.unanswered == 1
 
 
 def test_lost_cycles_are_counted(controller: Controller) -> None:
     for time in (0, 0, 1, 4, 5, 9):
         controller.observe(measures(time))
-    assert controller.lost == 2 + 3
+    assert controller.exchange.lost == 2 + 3
 
 
 def test_a_message_that_comes_late_is_logged_and_nothing_else(controller: Controller) -> None:
@@ -81,7 +81,7 @@ def test_a_message_that_comes_late_is_logged_and_nothing_else(controller: Contro
     assert controller.tracker.pose == before
     assert controller.ended is None
     controller.observe(measures(3))
-    assert controller.lost == 0
+    assert controller.exchange.lost == 0
 
 
 @pytest.mark.parametrize(
@@ -185,11 +185,11 @@ def test_every_phase_can_be_left_but_the_last() -> None:
 def test_a_command_acts_in_the_first_cycle_whose_message_came_after_it_had_left(controller):
     controller.observe(measures(0))
     controller.sent(10.0)
-    first = controller.command_in_effect(None)
-    assert controller.command_in_effect(9.999) is None
-    assert controller.command_in_effect(10.001) == first
+    first = controller.exchange.command_in_effect(None)
+    assert controller.exchange.command_in_effect(9.999) is None
+    assert controller.exchange.command_in_effect(10.001) == first
     controller.observe(measures(1), arrived=10.05)
     controller.sent(10.2)  # this process had no time: two more cycles were simulated meanwhile
-    second = controller.command_in_effect(None)
-    assert controller.command_in_effect(10.1) == first
-    assert controller.command_in_effect(10.25) == second
+    second = controller.exchange.command_in_effect(None)
+    assert controller.exchange.command_in_effect(10.1) == first
+    assert controller.exchange.command_in_effect(10.25) == second

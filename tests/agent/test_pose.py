@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from agent.drives.right.row_ekf import Explanation, Pose, PoseFilter
+from agent.drives.right.row_ekf import Explanation, Pose, RowKalmanFilter
 from ciberrato.physics.kinematics import advance, clamp_power, filter_power
 
 COMMANDS = [(0.1, 0.1)] * 5 + [(0.05, 0.2), (-0.1, 0.1), (0.0, 0.0), (0.15, 0.13)] * 4
 
 
 def test_without_noise_it_is_dead_reckoning_to_the_last_bit() -> None:
-    pose_filter = PoseFilter(0.0)
+    pose_filter = RowKalmanFilter(0.0)
     x = y = heading = left = right = 0.0
     for command in COMMANDS:
         left, right = (filter_power(clamp_power(c), p) for c, p in zip(command, (left, right), strict=True))
@@ -26,7 +26,7 @@ def test_without_noise_it_is_dead_reckoning_to_the_last_bit() -> None:
 
 
 def test_a_blocked_robot_turns_but_stays() -> None:
-    pose_filter = PoseFilter(1.5)
+    pose_filter = RowKalmanFilter(1.5)
     pose_filter.move((0.0, 0.1), blocked=True)
     assert pose_filter.pose() == Pose(0.0, 0.0, 0.05)
     along, lateral, heading = pose_filter.deviations()
@@ -39,7 +39,7 @@ def test_the_predicted_spread_is_that_of_many_noisy_robots() -> None:
     generator = np.random.default_rng(1)
     count, noise = 4000, 1.5
     x, y, heading, left, right = np.zeros((5, count))
-    pose_filter = PoseFilter(noise)
+    pose_filter = RowKalmanFilter(noise)
     for _ in range(60):
         command = (0.1, 0.1)
         factors = 1.0 + noise / 100.0 * generator.standard_normal((2, count))
@@ -54,7 +54,7 @@ def test_the_predicted_spread_is_that_of_many_noisy_robots() -> None:
 
 
 def test_covariance_is_the_textbooks() -> None:
-    pose_filter = PoseFilter(5.0)
+    pose_filter = RowKalmanFilter(5.0)
     pose_filter.place(Pose(0.0, 0.0, 0.4), (0.1, 0.2, 0.3))
     covariance = np.diag([0.1, 0.2, 0.3]) ** 2
     heading = 0.4
@@ -74,7 +74,7 @@ def test_covariance_is_the_textbooks() -> None:
 
 
 def test_one_explanation_is_a_kalman_update() -> None:
-    pose_filter = PoseFilter(1.5)
+    pose_filter = RowKalmanFilter(1.5)
     pose_filter.place(Pose(1.0, 0.1, 0.05), (0.1, 0.05, 0.02))
     for _ in range(5):
         pose_filter.move((0.1, 0.09))
@@ -93,7 +93,7 @@ def test_one_explanation_is_a_kalman_update() -> None:
 def test_several_explanations_give_the_moments_of_the_posterior(reading: float) -> None:
     # A wall at 0.9 or at 1.0 to the left, or neither: the posterior, by summing over a grid.
     priors, offsets, variance, clutter = (0.6, 0.2), (0.9, 1.0), 0.02**2, 0.3
-    pose_filter = PoseFilter(1.5)
+    pose_filter = RowKalmanFilter(1.5)
     pose_filter.place(Pose(0.0, 0.02, 0.0), (0.0, 0.04, 0.0))
     pose_filter.correct(
         [
@@ -117,7 +117,7 @@ def test_several_explanations_give_the_moments_of_the_posterior(reading: float) 
 
 
 def test_an_impossible_reading_changes_nothing() -> None:
-    pose_filter = PoseFilter(1.5)
+    pose_filter = RowKalmanFilter(1.5)
     pose_filter.place(Pose(), (0.0, 0.01, 0.0))
     pose_filter.correct([Explanation(1.0, 1e6, (0.0, 1.0, 0.0), 1e-6)])
     pose_filter.correct([])
@@ -126,7 +126,7 @@ def test_an_impossible_reading_changes_nothing() -> None:
 
 
 def test_old_poses_are_kept_and_corrected() -> None:
-    pose_filter = PoseFilter(1.5, memory=2)
+    pose_filter = RowKalmanFilter(1.5, memory=2)
     pose_filter.place(Pose(), (0.0, 0.1, 0.0))
     for _ in range(3):
         pose_filter.move((0.1, 0.1))

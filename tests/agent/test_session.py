@@ -163,7 +163,7 @@ def test_a_worker_that_fails_ends_the_run_and_the_log_stays(
     def fail(*arguments: object, **options: object) -> None:
         raise LabError("this lab is broken", source="lab.xml")
 
-    monkeypatch.setattr(agent.offline.expected_readings, "compute_ground_truth", fail)
+    monkeypatch.setattr(agent.offline.expected_readings, "compute_expected_readings", fail)
     status, _ = run([ACCEPTED, measures(0)], *([measures(time)] for time in range(1, 5)))
     assert status == 2
     errors = capsys.readouterr().err

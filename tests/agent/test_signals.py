@@ -24,7 +24,7 @@ REPOSITORY = Path(__file__).parents[2]
 PAUSING_AGENT = Path(__file__).with_name("pausing_agent.py")
 PARAMETERS = Parameters(sim_time=0)
 OLD = b"an older file\n"
-PATIENCE = 60.0  # seconds; only a failure takes so long
+PATIENCE = 300.0  # seconds; only a failure takes so long
 
 
 class Agent:
@@ -36,7 +36,7 @@ class Agent:
         command = ["-m", "agent"] if place is None else [str(PAUSING_AGENT), place]
         files = ["--log", str(self.log), "-o", str(self.output)]
         self.process = subprocess.Popen(
-            [sys.executable, *command, "-h", f"127.0.0.1:{port}", "--silence", "50", *files, *options],
+            [sys.executable, *command, "-h", f"127.0.0.1:{port}", "--silence", "250", *files, *options],
             cwd=REPOSITORY,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -107,7 +107,12 @@ def agent(tmp_path: Path) -> Iterator[Callable[..., Agent]]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize(
     "place",
-    ["import:agent.commands", "import:argparse", "call:agent.commands:_settings", "import:agent.run.session"],
+    [
+        "import:agent.commands",
+        "import:argparse",
+        "call:agent.commands.drive:settings_of",
+        "import:agent.run.session",
+    ],
 )
 def test_before_there_is_anything_to_save_it_ends_at_once(
     agent: Callable[..., Agent], place: str, number: int
@@ -187,7 +192,7 @@ def test_in_the_middle_of_the_run(
 
 def test_before_the_worker_is_done(agent: Callable[..., Agent], fake_simulator: Any) -> None:
     simulator = fake_simulator(PARAMETERS, hold_at=60)
-    process = agent(simulator.port, "call:agent.offline.expected_readings:compute_ground_truth")
+    process = agent(simulator.port, "call:agent.offline.expected_readings:compute_expected_readings")
     process.wait_paused()
     assert simulator.held.wait(PATIENCE)  # the control loop has not waited for the worker
     process.wait_logged(60)

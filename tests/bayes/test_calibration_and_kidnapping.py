@@ -36,7 +36,7 @@ def simulate_runs(count, length, rng):
     """Beliefs and true cells of runs on one map, started anywhere and driven at random."""
     openings, ahead, means, steps = world(1)
     motion = BlockedShift(openings=openings, arrival=ARRIVAL)
-    sensor = QuantizedGaussian(sigma=0.2, step=0.1)
+    sensor = QuantizedGaussian(sigma=0.2, step=0.1, signed=True)
     table = {}
     for run in range(count):
         y, x = int(rng.integers(ROWS)), int(rng.integers(COLUMNS))

@@ -13,6 +13,7 @@ from scipy import integrate
 
 from ciberrato.bayes.angles import wrapped_normal
 from ciberrato.bayes.motion.displacements import displacements
+from ciberrato.bayes.motion.lattice import lattice_kernels
 from ciberrato.bayes.motion.odometry import GaussianOdometry, OdometryNoise, OdometryReading
 from ciberrato.bayes.motion.transition_matrix import transition_matrix
 from ciberrato.bayes.motion.turn_drive_turn import TurnDriveTurn
@@ -123,8 +124,8 @@ def test_course_grid_equals_table_5_5_over_all_pairs():
 )
 def test_slices_and_table_and_normalization_agree(u):
     belief = np.random.default_rng(3).dirichlet(np.full(COURSE.size, 0.1)).reshape(COURSE.shape)
-    plain = GaussianOdometry(COURSE, COURSE_NOISE)
-    sliced = GaussianOdometry(COURSE, COURSE_NOISE, skip_below=1e-300)
+    plain = GaussianOdometry(COURSE, COURSE_NOISE, density="pose")
+    sliced = GaussianOdometry(COURSE, COURSE_NOISE, density="pose", skip_below=1e-300)
     np.testing.assert_allclose(plain.predict(belief, u), sliced.predict(belief, u), atol=1e-16)
     raw = GaussianOdometry(COURSE, COURSE_NOISE, normalized=False)
     np.testing.assert_allclose(
@@ -141,7 +142,9 @@ def test_kernel_mass_is_the_row_sum_on_a_grid_that_holds_the_whole_kernel():
         point = np.zeros(big.shape)
         point[30, 30, k] = 1.0
         assert wide.predict(point, u).sum() == pytest.approx(raw.kernel_mass(u)[k], rel=1e-6)
-        assert GaussianOdometry(big, COURSE_NOISE).predict(point, u).sum() == pytest.approx(1.0, abs=1e-6)
+        for density in (None, "pose"):
+            predicted = GaussianOdometry(big, COURSE_NOISE, density=density).predict(point, u)
+            assert predicted.sum() == pytest.approx(1.0, abs=1e-6)
 
 
 def sample_odometry(rng, noise, u, start, count):
@@ -365,7 +368,11 @@ def test_wheels_at_a_wall_stay_and_turn():
         lambda: GaussianOdometry(COURSE, OdometryNoise(rotation=-1.0)),
         lambda: GaussianOdometry(COURSE, COURSE_NOISE, density="neither"),
         lambda: GaussianOdometry(COURSE, COURSE_NOISE, window=0.0),
-        lambda: GaussianOdometry(COURSE, OdometryNoise()).predict(COURSE.uniform(), OdometryReading()),
+        lambda: GaussianOdometry(COURSE, OdometryNoise(), density="pose").predict(
+            COURSE.uniform(), OdometryReading()
+        ),
+        lambda: GaussianOdometry(COURSE, COURSE_NOISE).predict(-COURSE.uniform(), OdometryReading()),
+        lambda: OdometryReading.between((0.0, 0.0, math.nan), (1.0, 0.0, 0.0)),
         lambda: GaussianOdometry(COURSE, COURSE_NOISE).predict(np.ones((2, 2, 2)), OdometryReading()),
         lambda: TurnDriveTurn(space=COURSE, noise=COURSE_NOISE, free=np.ones((3, 3), bool)),
         lambda: VelocityMotion(space=COURSE, noise=VelocityNoise()).kernel(
@@ -391,8 +398,11 @@ def test_three_passes_equal_their_matrices_built_entry_by_entry():
     cells = list(np.ndindex(*space.shape))
     first, drive, second = np.zeros((3, len(cells), len(cells)))
     width = space.axes[2].cell
+    left = (
+        u.rot1 - 2 * width
+    )  # 0.9 is nearest to two cells of 0.52; the rest turns the ways, then the headings
     for a, (i, j, k) in enumerate(cells):
-        for turn, target in ((u.rot1, first), (u.rot2, second)):
+        for turn, target in ((2 * width, first), (u.rot2 + left, second)):
             # A Gaussian of 0.58 cells variance: three points with its mean and second moment.
             mean, variance = turn / width, (0.4 / width) ** 2
             nearest, rest = round(mean), mean - round(mean)
@@ -403,19 +413,15 @@ def test_three_passes_equal_their_matrices_built_entry_by_entry():
                 (1, (variance + rest * rest + rest) / 2),
             ):
                 target[a, cells.index((i, j, (k + nearest + step) % 12))] += weight
-        heading = space.axes[2].centres[k]
-        places = np.linspace(-8, 8, 2 * math.ceil(8 * 0.3 / 0.125) + 1)
-        for place, weight in zip(
-            places, np.exp(-(places**2) / 2) / np.exp(-(places**2) / 2).sum(), strict=True
-        ):
-            x = i + (u.trans + 0.3 * place) * math.cos(heading) / 0.5
-            y = j + (u.trans + 0.3 * place) * math.sin(heading) / 0.5
-            for di in (0, 1):
-                for dj in (0, 1):
-                    at = math.floor(x) + di, math.floor(y) + dj
-                    share = (1 - abs(x - at[0])) * (1 - abs(y - at[1]))
-                    if 0 <= at[0] < 4 and 0 <= at[1] < 5 and free[at]:
-                        drive[a, cells.index((*at, k))] += weight * share
+        heading = space.axes[2].centres[k] + left
+        along = np.array([math.cos(heading), math.sin(heading)])
+        kernel = lattice_kernels(
+            0.7 / 0.5 * along[np.newaxis], 0.36 * np.outer(along, along)[np.newaxis], reach=(3, 4)
+        )
+        for (di, dj), weight in zip(kernel.cells, kernel.weights, strict=True):
+            at = i + di, j + dj
+            if 0 <= at[0] < 4 and 0 <= at[1] < 5 and free[at]:
+                drive[a, cells.index((*at, k))] += weight
     ours = transition_matrix(model.predict, space.shape, u)
     np.testing.assert_allclose(ours, first @ drive @ second, atol=1e-12)
 
@@ -425,7 +431,8 @@ def test_velocity_kernel_has_the_formulas_value_for_each_pair_of_cells():
     noise = VelocityNoise(speed=0.3, turning=0.8, final=0.5)
     command = VelocityCommand(speed=0.6, turning=-0.7, duration=1.5)
     way_sigma, turn_sigma, final_sigma = 0.45, 1.2, 0.75
-    ours = transition_matrix(VelocityMotion(space=space, noise=noise).predict, space.shape, command)
+    model = VelocityMotion(space=space, noise=noise, density=True)
+    ours = transition_matrix(model.predict, space.shape, command)
     cells = list(np.ndindex(*space.shape))
     for start in (cells[0], cells[77], cells[121]):
         x0, y0, t0 = space.pose(start)

@@ -50,7 +50,7 @@ def test_interval_ends_and_order():
 @pytest.mark.parametrize("sigma", [0.02, 0.1, 0.5])
 def test_probabilities_over_all_readings_sum_to_one(sigma):
     readings = np.round(np.arange(-60, 120) * 0.1, 1)
-    model = QuantizedGaussian(sigma=sigma, step=0.1)
+    model = QuantizedGaussian(sigma=sigma, step=0.1, signed=True)
     for mean in (0.0, 1.0 / 3.0, 2.05, 4.9499):
         assert np.exp(model.beam_log_likelihood(readings, mean)).sum() == pytest.approx(1.0, abs=1e-13)
 
@@ -90,10 +90,12 @@ def test_outliers_bound_the_damage_of_one_beam():
 
 def test_beams_add_and_missing_ones_say_nothing():
     model = QuantizedGaussian(sigma=0.1, step=0.1)
-    means = np.array([[0.5, 1.0, 2.0], [0.7, 1.1, np.nan]])
+    means = np.array([[0.5, 1.0, 2.0], [0.7, 1.1, 2.2]])
     full = model.beam_log_likelihood([0.5, 1.1, 2.0], means)
     np.testing.assert_allclose(model.log_likelihood([0.5, 1.1, np.nan], means), full[:, :2].sum(axis=1))
-    assert model.log_likelihood([0.5, 1.1, 2.0], means)[1] == -np.inf
+    means[1, 2] = np.nan
+    with pytest.raises(ValueError, match=r"map is nan at \(1, 2\)"):
+        model.log_likelihood([0.5, 1.1, 2.0], means)
 
 
 @pytest.mark.parametrize(

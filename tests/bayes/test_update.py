@@ -153,16 +153,19 @@ def test_likelihoods_themselves_give_the_same_as_their_logarithms(prior, data):
     assert ours.log_evidence == pytest.approx(expected.log_evidence, rel=1e-9, abs=1e-12)
 
 
-def test_likelihoods_that_are_none_or_underflow_in_place_are_refused():
+def test_likelihoods_that_are_none_are_refused():
     for belief, likelihood in (
         ([1.0], [-1.0]),
         ([0.5, 0.5], [np.nan, 1.0]),
         ([1.0], [np.inf]),
         ([1.0], [1.0, 2.0]),
+        ([-0.5, 0.5, 1.0], [-0.1, 0.5, 0.6]),
     ):
         with pytest.raises(ValueError, match=r"belief|likelihood"):
             update_by_likelihood(belief, likelihood)
+
+
+def test_products_that_underflow_are_taken_by_logarithms_in_place_too():
     belief = np.array([1.0, 1e-300])
-    with pytest.raises(ValueError, match="use `update`"):
-        update_by_likelihood(belief, [0.0, 1e-200], out=belief)
-    assert update_by_likelihood([1.0, 1e-300], [0.0, 1e-200]).posterior.tolist() == [0.0, 1.0]
+    assert update_by_likelihood(belief, [0.0, 1e-200], out=belief).posterior is belief
+    assert belief.tolist() == [0.0, 1.0]

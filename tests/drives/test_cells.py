@@ -10,18 +10,18 @@ import pytest
 
 from agent.drives import cell_graph as cells
 from agent.drives.cell_graph import (
-    LEAST_ROOM,
+    LEAST_CLEARANCE,
     STEPS,
     Beginning,
-    Cell,
     CellGraph,
     centre,
     find_stands,
     join_cells,
 )
-from agent.drives.detour import clear_way, shortest_detour
+from agent.drives.detour import is_clear, shortest_detour
 from ciberrato.geometry.walls import WallMap
 from ciberrato.localization.belief.lattice import Lattice, build_lattice
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import Lab, Wall
 
 NEVER = -math.inf
@@ -83,9 +83,9 @@ def test_cells_are_joined_where_the_way_is_clear(resolution: float) -> None:
             assert not joined
             continue
         room = room_between(OBLIQUE, centre((row, column)), centre(there))
-        if room >= LEAST_ROOM:
+        if room >= LEAST_CLEARANCE:
             assert joined, (row, column, direction)
-        elif room < LEAST_ROOM - 0.012:
+        elif room < LEAST_CLEARANCE - 0.012:
             assert not joined, (row, column, direction)
         seen[joined] += 1
         assert graph.joined[(*there, (direction + 2) % 4)] == joined
@@ -105,7 +105,7 @@ def test_stands_are_where_there_is_room() -> None:
         elif cell in stands:
             x, y = stands[cell]
             assert (y // 2.0, x // 2.0) == cell
-            assert room_between(OBLIQUE, (x, y), (x + 1e-9, y)) >= LEAST_ROOM - 1e-6
+            assert room_between(OBLIQUE, (x, y), (x + 1e-9, y)) >= LEAST_CLEARANCE - 1e-6
             off_centre += 1
     assert off_centre > 0
 
@@ -173,8 +173,8 @@ def lattice() -> Lattice:
 def test_a_detour_leads_past_the_end_of_a_wall(lattice: Lattice) -> None:
     walls = WallMap.from_lab(OBLIQUE)
     begin, end = (4.9, 7.0), (7.0, 7.0)
-    assert not clear_way(walls, begin, end, 0.57)
-    way = shortest_detour(lattice, walls, begin, [end], LEAST_ROOM)
+    assert not is_clear(walls, begin, end, 0.57)
+    way = shortest_detour(lattice, walls, begin, [end], LEAST_CLEARANCE)
     assert way[-1] == pytest.approx(end)
     assert len(way) > 2
     for one, other in itertools.pairwise([begin, *way]):
@@ -188,6 +188,6 @@ def test_a_detour_leads_past_the_end_of_a_wall(lattice: Lattice) -> None:
 def test_there_is_no_detour_into_a_closed_room(lattice: Lattice) -> None:
     walls = WallMap.from_lab(OBLIQUE)
     closed = Lab(name="closed", width=12.0, height=8.0, walls=(box(5.9, 0.0, 6.1, 8.0),))
-    assert shortest_detour(lattice, walls, (1.0, 7.0), [(11.0, 7.0)], LEAST_ROOM)
+    assert shortest_detour(lattice, walls, (1.0, 7.0), [(11.0, 7.0)], LEAST_CLEARANCE)
     around = build_lattice(closed, 2.0 / 9.0)
-    assert not shortest_detour(around, WallMap.from_lab(closed), (1.0, 7.0), [(11.0, 7.0)], LEAST_ROOM)
+    assert not shortest_detour(around, WallMap.from_lab(closed), (1.0, 7.0), [(11.0, 7.0)], LEAST_CLEARANCE)

@@ -9,15 +9,17 @@ import types
 import numpy as np
 import pytest
 
-from agent.drives import Decision, ExploreDrive, make_drive
+from agent.drives import make_drive
+from agent.drives.base import Decision
 from agent.drives.cell_to_cell import CellDrive
+from agent.drives.explore import ExploreDrive
 from agent.drives.roam import Roamer
 from agent.run.live_controller import LiveController
 from ciberrato.files.run_log import Cycle, RunHeader
 from ciberrato.localization.cell_beliefs import cell_beliefs
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.live_filter import LiveFilter
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
+from ciberrato.localization.pose_filter import PoseFilter
 from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab, Wall
@@ -112,9 +114,9 @@ def test_every_cell_is_visited_and_nothing_touched(
 ) -> None:
     parameters = dataclasses.replace(PARAMETERS, motors_noise=motors_noise, obstacle_noise=obstacle_noise)
     worker = types.SimpleNamespace(coarse=tables[0], fine=tables[1], error=None, wait=lambda timeout: True)
-    live = LiveFilter(lab, parameters, worker, budget=1e6)
+    localizer = PoseFilter(lab, parameters, ANGLES, tables=worker, budget=1e6)
     header = RunHeader(lab_name=lab.name, lab_sha256="", parameters=parameters, sensor_angles=ANGLES)
-    controller = LiveController(header, live, make_drive("explore", lab, parameters, ANGLES))
+    controller = LiveController(header, localizer, make_drive("explore", lab, parameters, ANGLES))
     world = simulate(lab, (1.1, 4.7, 50.0), parameters)
     robot, measures = register(world)
     logged: list[Cycle] = []
@@ -129,6 +131,8 @@ def test_every_cell_is_visited_and_nothing_touched(
     assert 8 < len(wanted) <= 15
     assert wanted <= set(true_cells)
     assert world.robots[0].collisions == 0
+    # What the dead reckoning of the drive to the right would say is not logged as if it were this drive's.
+    assert {(cycle.displacement, cycle.heading, cycle.spread) for cycle in logged} == {(None, None, None)}
     # Every cell entered is a step of the log, from when the pose is known on.
     first = next(k for k, cycle in enumerate(logged) if cycle.estimate[3] > 0.95)
     assert first < 60
@@ -138,7 +142,7 @@ def test_every_cell_is_visited_and_nothing_touched(
     assert len(entered) - len(steps) <= 1  # the cell in which it was when it knew
     if obstacle_noise == PARAMETERS.obstacle_noise:
         # And a block of the belief file, made as the robot crosses the border between two cells.
-        beliefs = cell_beliefs(lab, tables[1], parameters, live.history[:300])[2:]
+        beliefs = cell_beliefs(lab, tables[1], parameters, localizer.live.history[:300])[2:]
         entered = [cell for cell, _ in itertools.groupby(true_cells[:300])][-len(beliefs) - 1 :]
         assert len(beliefs) > 12
         for block, (left, cell) in zip(beliefs, itertools.pairwise(entered), strict=True):
@@ -153,7 +157,7 @@ class FreeLegs:
         self._explorer = ExploreDrive(ANGLES, noise)
         self._roamer = Roamer(ANGLES, noise, self._explorer.choose)
 
-    def decide(self, measures: Measures, pose_filter: PoseFilter) -> Decision:
+    def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         self._explorer.note_visit(pose_filter)
         return self._roamer.decide(measures, pose_filter)
 
@@ -165,7 +169,7 @@ def side_by_side(
     parameters = dataclasses.replace(PARAMETERS, compass_sensor=False)
     world = simulate(lab, start, parameters)
     robot, measures = register(world)
-    pose_filter = PoseFilter(lab, tables, parameters)
+    pose_filter = GridFilter(lab, tables, parameters)
     explore, free = make_drive("explore", lab, parameters, ANGLES), FreeLegs(parameters.obstacle_noise)
     command, certain, same = None, [], []
     for _ in range(cycles):
@@ -196,7 +200,7 @@ def test_legs_are_free_again_when_the_pose_is_lost() -> None:
     tables = build_tables(ROWS, ANGLES, 2.0 / 9.0)
     world = simulate(ROWS, (1.0, 5.0, -90.0), PARAMETERS)
     robot, measures = register(world)
-    pose_filter = PoseFilter(ROWS, tables, PARAMETERS, start="1,5,-90")
+    pose_filter = GridFilter(ROWS, tables, PARAMETERS, start="1,5,-90")
     drive = CellDrive(ANGLES, PARAMETERS.obstacle_noise)
     command, driven = None, []
     for cycle in range(60):
@@ -219,7 +223,7 @@ def test_what_the_map_does_not_have_is_not_run_into() -> None:
     real = dataclasses.replace(ROWS, walls=(*ROWS.walls, box(2.5, 2.6, 2.9, 3.4)))
     world = simulate(real, (1.0, 5.0, -90.0), PARAMETERS)
     robot, measures = register(world)
-    pose_filter = StagedFilter(ROWS, coarse, fine, PARAMETERS, start="1,5,-90")
+    pose_filter = staged_filter(ROWS, coarse, fine, PARAMETERS, start="1,5,-90")
     drive = make_drive("explore", ROWS, PARAMETERS, ANGLES)
     command, been = None, set()
     for _ in range(900):
@@ -236,7 +240,7 @@ def test_the_robot_keeps_to_the_line_between_centres() -> None:
     coarse, fine = build_tables(ROWS, ANGLES, 2.0 / 9.0), build_tables(ROWS, ANGLES, 0.1)
     world = simulate(ROWS, (1.0, 5.0, -90.0), PARAMETERS)
     robot, measures = register(world)
-    pose_filter = StagedFilter(ROWS, coarse, fine, PARAMETERS, start="1,5,-90")
+    pose_filter = staged_filter(ROWS, coarse, fine, PARAMETERS, start="1,5,-90")
     drive = make_drive("explore", ROWS, PARAMETERS, ANGLES)
     command, away = None, []
     for _ in range(400):

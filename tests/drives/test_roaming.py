@@ -11,7 +11,7 @@ import pytest
 from agent.drives import make_drive
 from agent.drives.roam import Barred
 from agent.drives.safety import Bumper
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab, Wall
@@ -48,7 +48,7 @@ def drive(
     simulation = Simulation(lab, grid, parameters, seed=4)
     robot = simulation.register(RobotRegistration(name="r", sensor_angles=tuple(enumerate(ANGLES))))
     assert robot is not None
-    pose_filter = PoseFilter(lab, tables, parameters)
+    pose_filter = GridFilter(lab, tables, parameters)
     policy = make_drive(name, lab, parameters, ANGLES, stop_when_localized=False)
     measures, command, poses = simulation.launch()[robot], None, []
     for _ in range(cycles):
@@ -137,7 +137,7 @@ def test_a_turn_in_place_keeps_off_what_is_touched(infrared: tuple[float, ...], 
 
 def test_the_robot_backs_off_what_it_ran_into(room: Lab, tables: PoseTables) -> None:
     # Both sensors miss a corner between their cones: nothing but the collision tells.
-    pose_filter = PoseFilter(room, tables, QUIET)
+    pose_filter = GridFilter(room, tables, QUIET)
     policy = make_drive("explore", room, QUIET, ANGLES)
     open_ahead = Measures(time=0, infrared=(0.5, 0.5, 0.5, 0.5), collision=False)
     command = None

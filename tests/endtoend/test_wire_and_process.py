@@ -10,7 +10,7 @@ import threading
 import numpy as np
 import pytest
 
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import localize
 from benchmarks.accuracy import ANGLES, drive, random_start
 from ciberrato.files.beliefs import read_beliefs
@@ -30,7 +30,7 @@ def running(module, *words, folder):
         stderr=subprocess.STDOUT,
         text=True,
     )
-    timer = threading.Timer(60, process.kill)
+    timer = threading.Timer(300, process.kill)
     timer.start()
     try:
         yield process
@@ -45,7 +45,17 @@ def over_the_wire(transport, lab_name, start, seed, folder):
     """Readings of each step and the belief file of the real processes."""
     pose = f"{start.x:g},{start.y:g},{start.direction:g}"
     simulator_words = ["--lab", lab_name, "--grid", pose, "--seed", str(seed), "--port", "0"]
-    simulator_words += ["--bind", "127.0.0.1", "--autostart", "1", "--lockstep", "--speed", "1000"]
+    simulator_words += [
+        "--bind",
+        "127.0.0.1",
+        "--autostart",
+        "1",
+        "--lockstep",
+        "--answer-limit",
+        "inf",
+        "--speed",
+        "1000",
+    ]
     with running("simulator_stub", *simulator_words, folder=folder) as simulator:
         port = next(
             found[1] for line in simulator.stdout if (found := re.search(rf"{transport} .*:(\d+)", line))
@@ -68,14 +78,14 @@ def test_the_wire_changes_nothing(transport, lab_name, seed, tmp_path):
     readings, beliefs = over_the_wire(transport, lab_name, start, seed, tmp_path)
     assert readings == [crossing.readings for crossing in here.crossings]
     assert len(readings) == here.expected_steps
-    expected = localize(readings, compute_ground_truth(lab, ANGLES, Parameters())).beliefs
+    expected = localize(readings, compute_expected_readings(lab, ANGLES, Parameters())).beliefs
     np.testing.assert_allclose(beliefs, expected, atol=0.00051)
 
 
 @pytest.mark.slow
 def test_a_run_that_is_watched_ends_as_any_other(tmp_path):
     words = ["--lab", "corridors", "--grid", "corridors", "--seed", "7", "--port", "0", "--autostart", "1"]
-    words += ["--bind", "127.0.0.1", "--lockstep", "--speed", "20"]
+    words += ["--bind", "127.0.0.1", "--lockstep", "--answer-limit", "inf", "--speed", "20"]
     with running("simulator_stub", *words, folder=tmp_path) as simulator:
         port = next(found[1] for line in simulator.stdout if (found := re.search(r"udp .*:(\d+)", line)))
         agent_words = ["-h", f"127.0.0.1:{port}", "-m", "corridors", "--watch", "--exit-at-wall"]

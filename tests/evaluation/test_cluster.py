@@ -15,7 +15,7 @@ from ciberrato.evaluation.task import Task
 
 distributed = pytest.importorskip("distributed")
 
-PATIENCE = 120.0  # seconds; only a failure takes so long
+PATIENCE = 300.0  # seconds; only a failure takes so long
 TIMES = ("filter_ms", "drive_ms", "ms_counts")
 SMALL = """<Lab Name="small" Height="4" Width="6">
   <Wall Height="4"><Corner X="1.9" Y="2"/><Corner X="2.1" Y="2"/><Corner X="2" Y="4"/></Wall>

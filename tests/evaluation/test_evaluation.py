@@ -12,7 +12,7 @@ from ciberrato.evaluation.cli import main
 from ciberrato.evaluation.comparison import compare
 from ciberrato.evaluation.episode import run_task
 from ciberrato.evaluation.labs import judged_labs, public_labs, tuning_labs
-from ciberrato.evaluation.published import Compared, Order, Step
+from ciberrato.evaluation.published import Compared, LabTask, Step
 from ciberrato.evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
 from ciberrato.evaluation.runner import read_evaluation, run_tasks
 from ciberrato.evaluation.task import Outcome, Task
@@ -276,9 +276,13 @@ def test_outcomes_of_older_versions_are_read(tmp_path, capsys):
         ["--drive", "backwards"],
         ["--report", "--output", "does-not-exist.jsonl"],
         ["--lab", "judged", "--labs", "does-not-exist"],
+        ["--lab", "judged", "--labs", "."],
+        ["--lab", "judged"],
     ],
 )
-def test_what_the_user_got_wrong_is_one_line(arguments, capsys):
+def test_what_the_user_got_wrong_is_one_line(arguments, capsys, tmp_path, monkeypatch):
+    monkeypatch.delenv("CIBERRATO_LABS", raising=False)
+    monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -302,6 +306,32 @@ def test_a_file_of_something_else_is_an_error_with_its_line(tmp_path, capsys):
     path.write_text(json.dumps({"task": dataclasses.asdict(Task(lab="a"))}) + "\n")
     assert main(["--report", "--output", str(path)]) == 2
     assert ":1:" in capsys.readouterr().err
+
+
+def test_public_labs_come_by_option_or_variable(tmp_path, monkeypatch):
+    for folder in ("named", "told"):
+        for number, event in enumerate(("A", "B")):
+            (tmp_path / folder / event).mkdir(parents=True)
+            (tmp_path / folder / event / "lab.xml").write_text(SMALL.replace("6.1", f"6.{number + 2}"))
+    monkeypatch.setenv("CIBERRATO_LABS", str(tmp_path / "named"))
+    common = [
+        "--lab",
+        "judged",
+        "--seeds",
+        "1",
+        "--cycles",
+        "1",
+        "--resolution",
+        "0.5",
+        "--jobs",
+        "1",
+        "--quiet",
+    ]
+    for folder, more in (("named", []), ("told", ["--labs", str(tmp_path / "told")])):
+        path = tmp_path / f"{folder}.jsonl"
+        assert main([*common, *more, "--output", str(path)]) == 0
+        labs = {result.task.lab for result in read_evaluation(path).results}
+        assert labs == {str(lab.path) for lab in judged_labs(tmp_path / folder)} != set()
 
 
 def test_labs_are_chosen_by_the_rule(tmp_path):
@@ -341,7 +371,7 @@ def test_a_strip_beside_the_cells_belongs_to_the_last_ones(tmp_path, capsys):
 
 def test_worse_is_said_where_it_is_so():
     def compared(published, ours):
-        return Compared(Order("a", 0.1, 1), ((Step(0, published, ours),),))
+        return Compared(LabTask("a", 0.1, 1), ((Step(0, published, ours),),))
 
     assert not compared((0.5, 1.0), (0.5, 1.0)).worse
     assert not compared((0.5, 0.5), (0.9, 1.0)).worse
@@ -349,4 +379,4 @@ def test_worse_is_said_where_it_is_so():
     assert compared((0.5, 1.0), (0.9, 0.0)).worse
     # The last steps count by themselves.
     good, bad = Step(0, (0.1, 0.0), (0.9, 1.0)), Step(1, (0.9, 1.0), (0.5, 1.0))
-    assert Compared(Order("a", 0.1, 1), ((good, bad),)).worse
+    assert Compared(LabTask("a", 0.1, 1), ((good, bad),)).worse

@@ -4,7 +4,7 @@ import socket
 
 import numpy as np
 
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import localize
 from agent.views.overlaying import belief_overlay, live_belief_overlay, pose_overlay, show_overlays
 from ciberrato.files.lab import read_lab
@@ -29,7 +29,7 @@ HEADER = RunHeader(
 
 def run_of(cells):
     """A run with ideal readings in the given columns of row 3, and half a cell more."""
-    truth = compute_ground_truth(LAB, ANGLES)
+    truth = compute_expected_readings(LAB, ANGLES)
     cycles = []
     for step, column in enumerate(cells):
         readings = tuple(float(value) for value in truth.readings[3, column].round(1))

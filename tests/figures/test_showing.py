@@ -1,18 +1,22 @@
 """The subcommands that show, on a run that was really driven."""
 
+import dataclasses
+import gzip
 import io
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from agent.cli import main
-from agent.offline.expected_readings import compute_ground_truth
+from agent.offline.expected_readings import compute_expected_readings
 from agent.offline.localizer import localize
 from agent.views.logfollower import LogFollower
 from agent.views.watching import screen, watch
 from benchmarks.accuracy import ANGLES, drive
+from ciberrato.errors import LabError
 from ciberrato.files.beliefs import write_beliefs
 from ciberrato.files.lab import read_lab
 from ciberrato.files.run_log import RunWriter
@@ -55,7 +59,8 @@ def run(tmp_path_factory):
     (folder / "truth.csv").write_text("\n".join(truth) + "\n")
     readings = [crossing.readings for crossing in driven.crossings]
     write_beliefs(
-        folder / "localization.out", localize(readings, compute_ground_truth(lab, ANGLES, parameters)).beliefs
+        folder / "localization.out",
+        localize(readings, compute_expected_readings(lab, ANGLES, parameters)).beliefs,
     )
     return folder
 
@@ -160,7 +165,7 @@ def test_a_log_is_followed_line_by_line(run, tmp_path):
 def test_the_screen_fits_the_terminal(run, lab_name):
     follower = LogFollower(run / "run.jsonl")
     follower.poll()
-    truth = compute_ground_truth(read_lab(find_lab(lab_name)), ANGLES)
+    truth = compute_expected_readings(read_lab(find_lab(lab_name)), ANGLES)
     text = screen(follower.run, truth, width=80, height=24)
     assert len(text.splitlines()) < 24
     assert max(map(len, text.splitlines())) <= 80
@@ -190,3 +195,152 @@ def test_the_track_ends_in_the_most_likely_cell(run):
     track = estimated_track(read_run(run / "run.jsonl"), beliefs)
     np.testing.assert_allclose(track[-1][:2], (27, 7))
     np.testing.assert_allclose(track[0][:2], (19, 7))
+
+
+SIMULATOR_LOG = Path(__file__).parents[1] / "data" / "golden" / "logs" / "log2_two_robots" / "sim.log.gz"
+
+
+def test_watch_shows_a_simulators_log_and_the_true_pose(capsys):
+    assert main(["watch", str(SIMULATOR_LOG), "--once", "--angles", "0,60,-60,180"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("bot1 in Open: cycle 400 of 400, logged")
+    # The last line of the log: <Pos X="24.6008" Y="5.25309" Dir="-42.7437"/>
+    assert "true pose (24.60, 5.25) -42.7°" in shown
+    assert main(["watch", str(SIMULATOR_LOG), "--once", "--robot", "2", "-m", "standard"]) == 0
+    assert capsys.readouterr().out.startswith("bot2 in ")
+
+
+def test_watch_needs_the_lab_of_an_agents_log(run, tmp_path, capsys):
+    for path in (run / "run.jsonl", tmp_path / "not-there-yet.jsonl"):
+        assert main(["watch", str(path), "--once"]) == 2
+        assert "-m LAB is needed" in capsys.readouterr().err
+
+
+def test_a_simulators_log_is_followed_while_it_grows(tmp_path):
+    from agent.views.logfollower import SimulatorLogFollower, follow
+
+    whole = gzip.decompress(SIMULATOR_LOG.read_bytes())
+    path = tmp_path / "sim.log"
+    path.write_bytes(whole[:20_000])
+    follower = SimulatorLogFollower(path, (0.0, 60.0, -60.0, 180.0))
+    assert follower.poll()  # what was there from the beginning is news
+    assert not follower.poll()
+    first = len(follower.run.cycles)
+    assert 5 < first < 50
+    path.write_bytes(whole)
+    for found in follow(follower, interval=0.01, ended=lambda: len(follower.poses) == 401):
+        assert len(found.run.cycles) >= first
+    assert len(follower.run.cycles) == 401
+    path.unlink()
+    with pytest.raises(LabError, match="cannot be read"):
+        for _ in follow(follower, interval=0.01):
+            pass
+
+
+def test_animate_draws_a_simulators_log_with_its_own_lab_and_truth(tmp_path, capsys):
+    output = tmp_path / "run.gif"
+    words = ["animate", str(SIMULATOR_LOG), "-o", str(output), "--every", "100", "--robot", "2"]
+    assert main(words) == 0
+    assert "frames" in capsys.readouterr().out
+    assert output.read_bytes().startswith(b"GIF8")
+
+
+def test_names_of_others_cannot_command_the_terminal(run):
+    follower = LogFollower(run / "run.jsonl")
+    follower.poll()
+    recorded = follower.run
+    header = dataclasses.replace(recorded.header, robot_name="\x1b[2Jx\u202e" + "y" * 400, lab_name="a\nb")
+    truth = compute_expected_readings(read_lab(find_lab("standard")), ANGLES)
+    first, second = screen(dataclasses.replace(recorded, header=header), truth).splitlines()[:2]
+    assert first.startswith("\ufffd[2Jx\ufffdyyy")
+    assert "… in a\ufffdb: cycle" in first
+    assert second.startswith("IR")
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The figures as they are saved."""
+    from agent.views.figures import beliefs, canvas, curves, differences, labmaps
+
+    figures = []
+
+    def keep(figure, path):
+        figure.canvas.draw()
+        figures.append(figure)
+        canvas.save_figure(figure, path)
+
+    for module in (beliefs, curves, differences, labmaps):
+        monkeypatch.setattr(module, "save_figure", keep)
+    return figures
+
+
+DIFFERENCE = "difference in probability"
+
+
+def shown_axes(figure):
+    return [axis for axis in figure.get_axes() if axis.axison and axis.get_visible()]
+
+
+def test_all_axes_have_names_and_units_and_no_legend_covers_data(run, tmp_path, drawn):
+    files = ["--beliefs", str(run / "localization.out"), "--run", str(run / "run.jsonl")]
+    files += ["--truth", str(run / "truth.csv")]
+    for what in ("walls", "cones", "table", "beliefs", "curves", "errors"):
+        words = ["draw", what, "-m", "standard", "-o", str(tmp_path / f"{what}.png")]
+        assert main([*words, *(files if what in ("beliefs", "curves", "errors") else [])]) == 0
+    out = str(run / "localization.out")
+    assert main(["compare", out, out, "--png", str(tmp_path / "d.png"), "-m", "standard"]) == 0
+    assert len(drawn) == 7
+    for figure in drawn:
+        axes = shown_axes(figure)
+        # The outer axes say what they are; a colour bar has its one name.
+        named = [(axis.get_xlabel(), axis.get_ylabel()) for axis in axes]
+        assert any(x for x, _ in named)
+        for x, y in named:
+            assert x in ("", "x (units)", "step (0: start cell)", "time (cycles)")
+            assert "(" in y or y in (
+                "",
+                "probability",
+                "probability of the cell",
+                "difference in probability",
+            )
+        # Each panel is below or beside one that has the names.
+        assert all(axis.get_xlabel() or not axis.xaxis.get_tick_params()["labelbottom"] for axis in axes[:1])
+        assert all(axis.get_legend() is None for axis in axes)
+
+
+def test_the_difference_figure_says_which_file_is_which(run, tmp_path, drawn):
+    folders = []
+    for name in ("a", "b"):
+        folders.append(tmp_path / name)
+        folders[-1].mkdir()
+        shutil.copy(run / "localization.out", folders[-1])
+    renamed = tmp_path / "other.out"
+    shutil.copy(run / "localization.out", renamed)
+    first, second = (str(folder / "localization.out") for folder in folders)
+    png = ["--png", str(tmp_path / "d.png")]
+    assert main(["compare", first, str(renamed), *png]) == 0
+    assert main(["compare", first, second, *png]) == 0
+    titles = [figure.subfigs[0].get_suptitle() for figure in drawn]
+    assert titles[0].startswith("other.out minus localization.out: purple where other.out has more")
+    assert "no difference of 0.0005 or more" in titles[0]
+    assert not titles[1].startswith("localization.out minus localization.out")
+
+
+def test_panels_are_the_prior_and_each_step_once(run, tmp_path, drawn):
+    words = ["draw", "beliefs", "-m", "standard", "--beliefs", str(run / "localization.out")]
+    assert main([*words, "-o", str(tmp_path / "b.png"), "--every-step"]) == 0
+    names = [axis.get_title().partition(":")[0] for axis in drawn[0].get_axes() if axis.get_title()]
+    assert names == ["prior", *(f"step {step}" for step in range(len(names) - 1))]
+    assert len(names) > 3
+
+
+@pytest.mark.parametrize("name", ["$x^$", "\x1b[2J\u202e", "y" * 400, "50 % $ & <b>"])
+def test_names_of_labs_are_drawn_as_they_are(tmp_path, drawn, name):
+    from agent.views.figures.labmaps import wall_map
+
+    lab = dataclasses.replace(read_lab(find_lab("standard")), name=name)
+    wall_map(lab, tmp_path / "w.png")
+    title = shown_axes(drawn[0])[0].get_title()
+    assert title.isprintable()
+    assert len(title) <= 100
+    assert title[:3] == name[:3].replace("\x1b", "\ufffd")

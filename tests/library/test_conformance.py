@@ -122,9 +122,24 @@ def test_an_empty_folder_is_skipped_row_by_row(tmp_path, capsys):
     assert all("skipped" in line for line in lines)
 
 
-def test_a_missing_folder_is_one_line_and_status_two(tmp_path, capsys):
-    assert main(["--golden", str(tmp_path / "nothing")]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+@pytest.mark.parametrize("option", ["--golden", "--labs"])
+@pytest.mark.parametrize("told", [True, False], ids=["option", "variable"])
+def test_a_missing_folder_is_one_line_and_status_two(option, told, tmp_path, capsys, monkeypatch):
+    folder = str(tmp_path / "nothing")
+    if not told:
+        monkeypatch.setenv(f"CIBERRATO_{option[2:].upper()}", folder)
+    assert main([option, folder] if told else []) == 2
+    assert capsys.readouterr().err == f"{folder}: no such folder; name one that is there\n"
+
+
+def test_without_being_told_it_takes_what_comes_with_the_tests_and_says_so(capsys, monkeypatch):
+    monkeypatch.delenv("CIBERRATO_GOLDEN", raising=False)
+    monkeypatch.delenv("CIBERRATO_LABS", raising=False)
+    assert main(["--only", "codec"]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.count(" ok ") > 3
+    assert "CIBERRATO_GOLDEN" in shown.err
+    assert "CIBERRATO_LABS" in shown.err
 
 
 def test_labs_that_are_not_here_are_counted(golden, copy):

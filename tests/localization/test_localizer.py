@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from agent.offline.expected_readings import GroundTruth
+from agent.offline.expected_readings import ExpectedReadings
 from agent.offline.localizer import localize
 from benchmarks.enumeration import enumerate_starts, rounded_probability
 
@@ -18,7 +18,7 @@ def table(generator, *, rows=3, columns=5, errors=1, closed=0.3, free=None):
     spread = None
     if errors > 1:
         spread = readings + generator.normal(0, 0.3, (errors, rows, columns, 4))
-    return GroundTruth(
+    return ExpectedReadings(
         readings=readings,
         east=generator.random((rows, columns - 1)) > closed,
         north=np.ones((rows - 1, columns), dtype=bool),
@@ -96,7 +96,7 @@ def test_more_steps_than_columns_restart_from_the_reading_alone(preset):
 def test_calibrated_does_not_pass_walls_and_seed_does():
     readings = np.full((1, 3, 4), 0.5)
     truth = table(np.random.default_rng(0), rows=1, columns=3)
-    truth = GroundTruth(
+    truth = ExpectedReadings(
         readings=readings,
         east=np.array([[False, True]]),
         north=np.ones((0, 3), dtype=bool),

@@ -8,7 +8,7 @@ from ciberrato import labs as maps
 from ciberrato.errors import UsageError
 from ciberrato.labs import find_grid, find_lab, find_parameters, names
 
-FOLDER = Path(maps.__file__).parent
+FOLDER = Path(maps.__file__).parents[1] / "maps"  # data beside the packages; in a wheel inside ciberrato
 
 
 def test_every_file_that_ships_is_found_by_name():

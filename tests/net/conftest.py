@@ -3,7 +3,7 @@ from collections.abc import Iterator
 
 import pytest
 
-SECONDS = 10.0  # how long a test waits for what must come, so that a failure does not hang
+SECONDS = 300.0  # how long a test waits for what must come, so that a failure does not hang
 
 
 @pytest.fixture

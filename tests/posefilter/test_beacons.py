@@ -11,8 +11,8 @@ import pytest
 from agent.drives import make_drive
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.evidence.beacons import BeaconSense, beacon_table, visible
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.protocol import Actions, BeaconReading, RobotRegistration
 from ciberrato.world.lab import Beacon
 from ciberrato.world.parameters import Parameters
@@ -110,7 +110,7 @@ def test_weights_are_what_a_sum_state_by_state_gives(lit_lab, coarse_tables, den
 
 def test_two_beacons_and_a_compass_give_the_place(lit_lab, coarse_tables):
     parameters = dataclasses.replace(BEACON_ONLY, compass_sensor=True)
-    pose_filter = PoseFilter(lit_lab, coarse_tables, parameters)
+    pose_filter = GridFilter(lit_lab, coarse_tables, parameters)
     belief, lattice = pose_filter.belief, coarse_tables.lattice
     sense = BeaconSense(lit_lab, 2.0, math.pi)
     belief.dense[np.arange(72) != 18] = 0.0
@@ -152,7 +152,7 @@ def follow(lab, tables, parameters, cycles):
     grid = StartGrid(positions=(GridPosition(x=6.8, y=1.2, direction=-130.0),))
     simulation = Simulation(lab, grid, parameters, 4)
     robot = simulation.register(RobotRegistration(name="b", sensor_angles=tuple(enumerate(ANGLES))))
-    pose_filter = StagedFilter(lab, coarse, fine, parameters)
+    pose_filter = staged_filter(lab, coarse, fine, parameters)
     explore = make_drive("explore", lab, parameters, ANGLES)
     measures, command = simulation.launch()[robot], None
     known, errors = None, []

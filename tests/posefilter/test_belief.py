@@ -8,7 +8,7 @@ import pytest
 from ciberrato.localization.belief.estimate import estimate, modes, probability_near
 from ciberrato.localization.belief.lattice import Lattice, build_lattice
 from ciberrato.localization.belief.pose_belief import PoseBelief
-from ciberrato.localization.staged_filter import transfer
+from ciberrato.localization.filtering.stage import transfer
 from ciberrato.physics.kinematics import advance
 from ciberrato.world.lab import Lab
 

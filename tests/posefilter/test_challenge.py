@@ -10,9 +10,9 @@ from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import ideal_reading, round_reading, sensor_distances
 from ciberrato.localization.belief.estimate import estimate
 from ciberrato.localization.belief.pose_belief import PoseBelief
-from ciberrato.localization.challenge import Duel
 from ciberrato.localization.evidence.symmetry import PoseScore
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.challenge import HypothesisTest
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.records import FilterStep
 from ciberrato.world.parameters import Parameters
 
@@ -30,9 +30,9 @@ def states(belief, *places):
 
 @pytest.fixture
 def duel(small_lab, coarse_tables):
-    challenger = PoseFilter(small_lab, coarse_tables, PARAMETERS)
+    challenger = GridFilter(small_lab, coarse_tables, PARAMETERS)
     states(challenger.belief, TRUE)
-    return Duel(challenger, PoseScore(small_lab, RADIANS, PARAMETERS.obstacle_noise, 0.0))
+    return HypothesisTest(challenger, PoseScore(small_lab, RADIANS, PARAMETERS.obstacle_noise, 0.0))
 
 
 @pytest.fixture

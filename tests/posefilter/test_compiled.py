@@ -18,8 +18,8 @@ from ciberrato.labs import find_lab
 from ciberrato.localization.belief import compiled
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.belief.reweight import multiply
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.refinement.cones import cone_distances
-from ciberrato.localization.staged_filter import StagedFilter
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.world.lab import Lab, Wall
 from ciberrato.world.parameters import Parameters
@@ -113,7 +113,7 @@ def drive(lab, coarse, fine, start, cycles):
     grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
     world = Simulation(lab, grid, parameters, 5)
     robot = world.register(RobotRegistration(name="g", sensor_angles=tuple(enumerate(ANGLES))))
-    pose_filter = StagedFilter(lab, coarse, fine, parameters)
+    pose_filter = staged_filter(lab, coarse, fine, parameters)
     measures, command, estimates = world.launch()[robot], None, []
     for cycle in range(cycles):
         pose_filter.observe(measures, command)
@@ -184,12 +184,12 @@ def test_the_environment_decides(monkeypatch):
 
 
 def test_a_numba_that_does_not_work_is_done_without(monkeypatch):
-    import ciberrato.localization
+    import ciberrato.localization.belief
 
     monkeypatch.setattr(compiled, "available", lambda: True)
     monkeypatch.setattr(compiled, "_active", None)
     monkeypatch.setitem(sys.modules, "ciberrato.localization.belief.kernels", None)  # importing it fails
-    monkeypatch.delattr(ciberrato.localization, "kernels", raising=False)
+    monkeypatch.delattr(ciberrato.localization.belief, "kernels", raising=False)
     assert not compiled.load()
     assert compiled.kernels() is None
     monkeypatch.setenv(compiled.VARIABLE, "on")
@@ -208,7 +208,7 @@ def test_machine_code_is_at_hand_once_it_is_in_the_cache(loops, monkeypatch, tmp
 
 
 def test_without_being_asked_nothing_is_imported():
-    code = "import ciberrato.localization.staged_filter, sys; sys.exit('numba' in sys.modules)"
+    code = "import ciberrato.localization.filtering.staged_filter, sys; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
     pytest.importorskip("numba")
     run = subprocess.run(

@@ -8,8 +8,8 @@ import pytest
 
 from agent.drives import make_drive
 from ciberrato.localization.cell_beliefs import cell_beliefs
-from ciberrato.localization.grid_filter import PoseFilter
-from ciberrato.localization.staged_filter import StagedFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
@@ -52,7 +52,7 @@ class Run:
 
 @pytest.fixture
 def staged(small_lab, coarse_tables, fine_tables):
-    return StagedFilter(small_lab, coarse_tables, fine_tables, DEFAULT)
+    return staged_filter(small_lab, coarse_tables, fine_tables, DEFAULT)
 
 
 @pytest.mark.parametrize("compass", [True, False])
@@ -62,7 +62,7 @@ def test_the_pose_is_found_from_anywhere_and_kept(small_lab, coarse_tables, fine
     if noise == "harsh":
         parameters = dataclasses.replace(parameters, obstacle_noise=0.4, motors_noise=5.0, compass_noise=8.0)
     for seed, start in enumerate([(1.0, 4.2, 77.0), (6.8, 1.2, -130.0)]):
-        pose_filter = StagedFilter(small_lab, coarse_tables, fine_tables, parameters)
+        pose_filter = staged_filter(small_lab, coarse_tables, fine_tables, parameters)
         run = Run(small_lab, pose_filter, start, parameters, seed)
         known = None
         for cycle in range(200):
@@ -95,7 +95,7 @@ def test_a_kidnapped_robot_is_missed_and_found_again(small_lab, staged):
 
 def test_late_readings_are_taken_where_they_were_made(small_lab, fine_tables):
     late = dataclasses.replace(DEFAULT, obstacle_latency=3, compass_latency=1)
-    run = Run(small_lab, PoseFilter(small_lab, fine_tables, late), (1.0, 4.2, 77.0), late)
+    run = Run(small_lab, GridFilter(small_lab, fine_tables, late), (1.0, 4.2, 77.0), late)
     errors = []
     for cycle in range(160):
         pose = run.step()
@@ -106,14 +106,14 @@ def test_late_readings_are_taken_where_they_were_made(small_lab, fine_tables):
 
 
 def test_a_missing_compass_and_missing_readings_are_no_evidence(small_lab, coarse_tables):
-    pose_filter = PoseFilter(small_lab, coarse_tables, DEFAULT)
+    pose_filter = GridFilter(small_lab, coarse_tables, DEFAULT)
     before = pose_filter.belief.dense.copy()
     pose_filter.observe(Measures(time=0), None)
     assert np.array_equal(pose_filter.belief.dense, before)
 
 
 def test_starts_at_centres_are_centres_with_four_headings(small_lab, coarse_tables):
-    belief = PoseFilter(small_lab, coarse_tables, DEFAULT, start="centres").belief
+    belief = GridFilter(small_lab, coarse_tables, DEFAULT, start="centres").belief
     assert belief.states == 4 * 11  # one of the twelve centres is inside the block
     assert set(belief.bin.tolist()) == {0, 18, 36, 54}
 
@@ -122,11 +122,11 @@ def test_the_ground_sensor_tells_targets_apart(small_lab, coarse_tables):
     from ciberrato.world.lab import Target
 
     lab = dataclasses.replace(small_lab, targets=(Target(x=1.0, y=1.0, radius=1.5),))
-    pose_filter = PoseFilter(lab, coarse_tables, DEFAULT)
+    pose_filter = GridFilter(lab, coarse_tables, DEFAULT)
     for inside, expected in ((0, True), (-1, False)):
         pose_filter.belief.set_uniform()
         for _ in range(20):
-            pose_filter._ground.weigh(pose_filter.belief, inside, 0.5)
+            pose_filter.stage.ground.weigh(pose_filter.belief, inside, 0.5)
         lattice = coarse_tables.lattice
         near = np.hypot(lattice.x - 1.0, lattice.y - 1.0) < 0.9
         share = pose_filter.belief.square_weights()[near].sum()
@@ -141,7 +141,7 @@ def test_equal_places_keep_equal_weights_to_the_last_bit():
     lab = read_lab(find_lab("twins"))
     tables = build_tables(lab, ANGLES, 2.0 / 9.0, steps=1)
     parameters = dataclasses.replace(DEFAULT, compass_sensor=False)
-    pose_filter = PoseFilter(lab, tables, parameters)
+    pose_filter = GridFilter(lab, tables, parameters)
     run = Run(lab, pose_filter, (5.0, 5.0, 0.0), parameters)
     for _ in range(60):
         run.step()
@@ -256,7 +256,7 @@ def test_a_filter_that_is_lost_and_not_certain_of_anything_recovers(small_lab, s
     # Four headings in a corner where the robot is not, and readings that rule out none for good.
     far = np.flatnonzero(np.hypot(staged.tables.lattice.x - 1.0, staged.tables.lattice.y - 5.0) < 0.3)
     staged.belief.set_states(np.repeat(np.arange(0, 72, 18), len(far)), np.tile(far, 4))
-    staged.settings = staged._fine_settings = dataclasses.replace(staged.settings, alarm=1e9)
+    staged.stage.settings = staged.fine.settings = dataclasses.replace(staged.fine.settings, alarm=1e9)
     for _ in range(400):
         pose = run.step()
     assert staged.restarts

@@ -12,9 +12,9 @@ from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.evidence.gps import GpsOffset, GpsSense, GpsTracker
 from ciberrato.localization.evidence.gps_position import PlaceDensity, weigh_place
 from ciberrato.localization.evidence.symmetry import Turn
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.records import Motion
-from ciberrato.localization.staged_filter import StagedFilter
 from ciberrato.physics.kinematics import filter_power
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab
@@ -187,7 +187,7 @@ def place_error(pose_filter, simulation):
 
 
 def test_after_a_jump_the_offset_tells_the_place(small_lab, coarse_tables, fine_tables):
-    pose_filter = StagedFilter(small_lab, coarse_tables, fine_tables, HARSH)
+    pose_filter = staged_filter(small_lab, coarse_tables, fine_tables, HARSH)
     run = wander(small_lab, pose_filter, (1.0, 4.2, 77.0), HARSH)
     for _ in range(150):
         simulation = next(run)
@@ -253,7 +253,7 @@ def test_lists_and_arrays_of_states_get_the_same_place(coarse_tables):
 
 
 def test_a_wrong_offset_only_delays(small_lab, coarse_tables, fine_tables):
-    pose_filter = StagedFilter(small_lab, coarse_tables, fine_tables, HARSH)
+    pose_filter = staged_filter(small_lab, coarse_tables, fine_tables, HARSH)
     run = wander(small_lab, pose_filter, (1.0, 4.2, 77.0), HARSH, seed=2)
     for _ in range(120):
         simulation = next(run)
@@ -270,7 +270,7 @@ def test_a_wrong_offset_only_delays(small_lab, coarse_tables, fine_tables):
 def test_a_belief_with_the_wrong_heading_is_given_up(small_lab, coarse_tables):
     rng = np.random.default_rng(1)
     for turned, expected in ((0, 0), (36, 1), (9, 1)):
-        pose_filter = PoseFilter(small_lab, coarse_tables, dataclasses.replace(HARSH, motors_noise=1.5))
+        pose_filter = GridFilter(small_lab, coarse_tables, dataclasses.replace(HARSH, motors_noise=1.5))
         square = int(np.hypot(coarse_tables.lattice.x - 3.0, coarse_tables.lattice.y - 1.0).argmin())
         pose_filter.belief.set_states(np.array([turned]), np.array([square]))
         for cycle in range(46):
@@ -285,7 +285,7 @@ def test_the_heading_by_gps_tells_the_images_of_a_symmetric_lab_apart(small_lab,
     symmetric = dataclasses.replace(coarse_tables, _turns=[[Turn(4.0, 3.0, math.pi)]])
     shares = []
     for bins in ([0, 36], [0], [36]):
-        pose_filter = PoseFilter(small_lab, symmetric, HARSH)
+        pose_filter = GridFilter(small_lab, symmetric, HARSH)
         lone = np.array([0])
         pose_filter.belief.set_states(lone, lone)
         tracker = pose_filter.gps.tracker
@@ -296,7 +296,7 @@ def test_the_heading_by_gps_tells_the_images_of_a_symmetric_lab_apart(small_lab,
 
 
 def test_without_a_gps_nothing_is_made_of_its_readings(small_lab, coarse_tables):
-    deaf = PoseFilter(small_lab, coarse_tables, dataclasses.replace(HARSH, gps=False))
+    deaf = GridFilter(small_lab, coarse_tables, dataclasses.replace(HARSH, gps=False))
     before = deaf.belief.dense.copy()
     deaf.observe(Measures(time=0, gps=(1.0, 2.0)), None)
     assert deaf.gps is None

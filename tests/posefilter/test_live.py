@@ -13,7 +13,8 @@ import pytest
 
 from agent.run.live_controller import LiveController
 from ciberrato.files.run_log import RunHeader, RunWriter, read_run
-from ciberrato.localization.live_filter import LiveFilter
+from ciberrato.localization.live.live_filter import LiveFilter
+from ciberrato.localization.pose_filter import PoseFilter
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.world.lab import Lab, Wall
 from ciberrato.world.parameters import Parameters
@@ -81,10 +82,12 @@ def test_an_estimate_that_is_behind_is_carried_on_by_dead_reckoning(small_lab, c
 def test_the_controller_logs_what_the_filter_knows(small_lab, coarse_tables, fine_tables, tmp_path):
     from agent.drives import make_drive
 
-    live = LiveFilter(small_lab, PARAMETERS, tables_from(coarse_tables, fine_tables), budget=1e6)
+    localizer = PoseFilter(
+        small_lab, PARAMETERS, ANGLES, tables=tables_from(coarse_tables, fine_tables), budget=1e6
+    )
     header = RunHeader(lab_name="small", lab_sha256="", parameters=PARAMETERS, sensor_angles=ANGLES)
     controller = LiveController(
-        header, live, make_drive("active", small_lab, PARAMETERS, ANGLES), exit_when_finished=True
+        header, localizer, make_drive("active", small_lab, PARAMETERS, ANGLES), exit_when_finished=True
     )
     world, robot, measures = simulation(small_lab)
     cycles = []
@@ -125,9 +128,10 @@ def test_rooms_that_look_alike_are_both_in_the_log():
         Wall(height=4.0, corners=((2.9, y), (3.1, y), (3.1, y + 2.0), (2.9, y + 2.0))) for y in (2.0, 6.0)
     )
     lab = Lab(width=6.0, height=12.0, walls=(beam(1.9), beam(5.9), beam(9.9), *posts))
-    live = LiveFilter(lab, PARAMETERS, tables_from(build_tables(lab, ANGLES, 2.0 / 9.0)), budget=1e6)
+    tables = tables_from(build_tables(lab, ANGLES, 2.0 / 9.0))
+    localizer = PoseFilter(lab, PARAMETERS, ANGLES, tables=tables, budget=1e6)
     header = RunHeader(lab_name="alike", lab_sha256="", parameters=PARAMETERS, sensor_angles=ANGLES)
-    controller = LiveController(header, live, None)
+    controller = LiveController(header, localizer, None)
     world, robot, measures = simulation(lab, (1.2, 3.0, 70.0))
     cycles = []
     for cycle in range(80):
@@ -157,7 +161,9 @@ def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
     environment = os.environ | {"CIBERRATO_CACHE": str(tmp_path / "cache")}
     command = [sys.executable, "-m", "simulator_stub", "--lab", str(lab), "--grid", "1,4.2,77", "--port", "0"]
     simulator = subprocess.Popen(
-        [*command, "--autostart", "1", "--seed", "3", "--lockstep"], stdout=subprocess.PIPE, text=True
+        [*command, "--autostart", "1", "--seed", "3", "--lockstep", "--answer-limit", "inf"],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     options = [
         "--angles",
@@ -179,7 +185,7 @@ def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
             env=environment,
             capture_output=True,
             text=True,
-            timeout=90,
+            timeout=300,
             check=False,
         )
     finally:

@@ -28,7 +28,19 @@ def run_once(folder, cache, options, *, compiled="auto"):
     parameters.write_text(PARAMETERS)
     world = ["--lab", str(lab), "--grid", "3,3,0", "--param", str(parameters), "--seed", "3"]
     simulator = subprocess.Popen(
-        [sys.executable, "-m", "simulator_stub", *world, "--port", "0", "--autostart", "1", "--lockstep"],
+        [
+            sys.executable,
+            "-m",
+            "simulator_stub",
+            *world,
+            "--port",
+            "0",
+            "--autostart",
+            "1",
+            "--lockstep",
+            "--answer-limit",
+            "inf",
+        ],
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -53,7 +65,7 @@ def run_once(folder, cache, options, *, compiled="auto"):
             env=os.environ | {"CIBERRATO_CACHE": str(cache), "CIBERRATO_COMPILED": compiled},
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=300,
             check=False,
         )
     finally:

@@ -10,9 +10,9 @@ from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import ideal_reading, reading_log_likelihood, sensor_distances
 from ciberrato.localization.belief.estimate import estimate
 from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.records import FilterStep, Motion
 from ciberrato.localization.refinement.particles import ParticleCloud
-from ciberrato.localization.staged_filter import StagedFilter
 from ciberrato.physics.kinematics import filter_power
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.world.lab import Lab
@@ -112,7 +112,7 @@ def drive(small_lab, coarse_tables, fine_tables):
     grid = StartGrid(positions=(GridPosition(x=3.0, y=1.0, direction=0.0),))
     simulation = Simulation(small_lab, grid, parameters, seed=3)
     robot = simulation.register(RobotRegistration(name="a", sensor_angles=tuple(enumerate(ANGLES))))
-    pose_filter = StagedFilter(small_lab, coarse_tables, fine_tables, parameters, start="centres")
+    pose_filter = staged_filter(small_lab, coarse_tables, fine_tables, parameters, start="centres")
     measures = simulation.launch()[robot]
     command = None
     rows = []
@@ -162,7 +162,7 @@ def test_the_same_run_gives_the_same_estimates(small_lab, coarse_tables, fine_ta
             seed=5,
         )
         robot = simulation.register(RobotRegistration(name="a", sensor_angles=tuple(enumerate(ANGLES))))
-        pose_filter = StagedFilter(small_lab, coarse_tables, fine_tables, PARAMETERS, start="centres")
+        pose_filter = staged_filter(small_lab, coarse_tables, fine_tables, PARAMETERS, start="centres")
         measures, command = simulation.launch()[robot], None
         for _ in range(60):
             pose_filter.observe(measures, command)

@@ -10,7 +10,7 @@ from ciberrato.errors import UsageError
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.evidence.start_prior import StartPrior, begin_with, check_start, parse_start
 from ciberrato.localization.evidence.symmetry import Turn
-from ciberrato.localization.grid_filter import PoseFilter
+from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.world.parameters import Parameters
 
 DEFAULT = Parameters(sim_time=0)
@@ -57,7 +57,7 @@ def test_a_start_outside_the_lab_or_in_a_wall_is_refused(small_lab):
 
 def test_centres_with_a_heading_are_centres_with_that_heading(small_lab, coarse_tables):
     for degrees in (0.0, 92.0, -33.3):
-        belief = PoseFilter(small_lab, coarse_tables, DEFAULT, start=f"centres:{degrees}").belief
+        belief = GridFilter(small_lab, coarse_tables, DEFAULT, start=f"centres:{degrees}").belief
         assert belief.states == 11  # one of the twelve centres is inside the block
         (row,) = set(belief.bin.tolist())
         off = math.remainder(belief.headings()[row] - math.radians(degrees), 2.0 * math.pi)
@@ -67,14 +67,14 @@ def test_centres_with_a_heading_are_centres_with_that_heading(small_lab, coarse_
 
 def test_a_known_start_is_known_to_a_square_and_a_bin(small_lab, coarse_tables):
     start = StartPrior(place=(3.1, 4.7), heading=47.0)
-    pose_filter = PoseFilter(small_lab, coarse_tables, DEFAULT, start=start)
+    pose_filter = GridFilter(small_lab, coarse_tables, DEFAULT, start=start)
     found, belief = pose_filter.estimate(), pose_filter.belief
     assert math.hypot(found.x - 3.1, found.y - 4.7) < 0.05
     assert math.degrees(found.heading) == pytest.approx(47.0, abs=1.0)
     weights, lattice = belief.square_weights(), belief.lattice
     spread = math.sqrt(weights @ (lattice.x - 3.1) ** 2)
     assert spread == pytest.approx(lattice.resolution, rel=0.3)
-    anyhow = PoseFilter(small_lab, coarse_tables, DEFAULT, start="3.1,4.7").belief
+    anyhow = GridFilter(small_lab, coarse_tables, DEFAULT, start="3.1,4.7").belief
     assert anyhow.bin_weights() == pytest.approx(1.0 / 72.0)
     assert anyhow.square_weights() == pytest.approx(weights, abs=1e-6)
 
@@ -93,7 +93,7 @@ def test_a_known_start_rules_the_images_of_a_symmetric_lab_out(small_lab, coarse
     symmetric = dataclasses.replace(coarse_tables, _turns=[[half]])
     shares = []
     for start in ("centres", "centres:0"):
-        pose_filter = PoseFilter(small_lab, symmetric, DEFAULT, start=start)
+        pose_filter = GridFilter(small_lab, symmetric, DEFAULT, start=start)
         lone = np.array([0])
         pose_filter.belief.set_states(lone, lone)
         shares.append(pose_filter.estimate().probability)

@@ -186,7 +186,7 @@ class Process:
 
     def finish(self, number: signal.Signals) -> tuple[int, str, str]:
         self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=10)
+        out, err = self.process.communicate(timeout=300)
         return self.process.returncode, out, err
 
 
@@ -239,7 +239,8 @@ def test_runs_follow_one_another_and_the_process_ends(processes: list[Process], 
     parameters.write_text('<Parameters SimTime="20" CycleTime="1"/>')
     names = {name: tmp_path / f"run.{name}" for name in ("log", "truth", "result")}
     files = [text for name, path in names.items() for text in (f"--{name}", str(path))]
-    options = ["--param", str(parameters), "--lockstep", "--autostart", "1", "--seed", "5", "--gps"]
+    pace = "--lockstep --answer-limit inf --autostart 1 --seed 5 --gps"
+    options = ["--param", str(parameters), *pace.split()]
     simulator = Process(*options, "--runs", "2", *files)
     processes.append(simulator)
     port = int(simulator.lines(3)[1].rsplit(":", 1)[1])
@@ -252,7 +253,7 @@ def test_runs_follow_one_another_and_the_process_ends(processes: list[Process], 
                 last = link.receive(10.0) or b""
                 assert last
                 link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
-    out, err = simulator.process.communicate(timeout=10)
+    out, err = simulator.process.communicate(timeout=300)
     assert (simulator.process.returncode, out) == (0, "")
     assert "Traceback" not in err
     assert "robot 1, 'santos': running, score 200" in err
@@ -282,7 +283,7 @@ def test_it_can_end_by_itself_when_the_robots_have_gone(processes: list[Process]
         link.register(encode(RobotRegistration(name="leaver")))
         while b'Time="5"' not in (link.receive(10.0) or b""):
             link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
-    out, err = simulator.process.communicate(timeout=10)
+    out, err = simulator.process.communicate(timeout=300)
     assert (simulator.process.returncode, out, err) == (0, "", "")
     (run,) = json.loads(result.read_text())["runs"]
     assert (run["state"], run["robots"][0]["name"]) == ("Running", "leaver")

@@ -87,7 +87,7 @@ def memory_of(process: int) -> int:
 class Robot:
     def __init__(self, port: int, number: int) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.settimeout(10.0)
+        self.socket.settimeout(60.0)
         self.socket.bind(("127.0.0.1", 0))
         self.socket.sendto(b'<Robot Id="%d" Name="r%d"/>' % (number, number), ("127.0.0.1", port))
         _, self.address = self.socket.recvfrom(4096)

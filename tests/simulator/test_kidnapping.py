@@ -8,7 +8,7 @@ from ciberrato.files.lab import default_lab
 from ciberrato.files.start_grid import default_grid
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.world.parameters import Parameters
-from simulator_stub.recording.kidnapping import Kidnapper, Kidnapping, parse_kidnapping
+from simulator_stub.service.kidnapping import Kidnapper, Kidnapping, parse_kidnapping
 from simulator_stub.simulation import Simulation
 
 
@@ -32,7 +32,7 @@ def test_the_robot_is_elsewhere_from_that_cycle_on_and_drives_on_from_there():
     for _ in range(6):
         simulation.begin_cycle()
         simulation.act(robot, Actions(left_motor=0.1, right_motor=0.1))
-        kidnapper.actions_read(simulation)
+        kidnapper.before_move(simulation)
         simulation.advance()
         simulation.end_cycle()
         poses.append(tuple(simulation.poses()[0]))

@@ -64,7 +64,7 @@ def path(tmp_path: Path) -> Path:
 def session(open_lab: Lab, three_places: StartGrid, path: Path) -> Iterator[Session]:
     parameters = replace(Parameters(), sim_time=5, cycle_time=1, gps=True, compass_requestable=True)
     simulation = Simulation(open_lab, three_places, parameters, seed=3)
-    session = Session(simulation, autostart=2, recorders=[LogFile(path, DATE)])
+    session = Session(simulation, autostart=2, observers=[LogFile(path, DATE)])
     yield session
     session.close()
 

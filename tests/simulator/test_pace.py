@@ -9,14 +9,22 @@ from ciberrato.protocol import Actions, encode
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
-from simulator_stub.service.pace import IDLE_LIMIT, SETTLE, Lockstep, Pace, RealTime
+from simulator_stub.service.answers import BLIND_PATIENCE, SETTLE
+from simulator_stub.service.pace import IDLE_LIMIT, Lockstep, Pace, RealTime
 from simulator_stub.service.session import Session
 from simulator_stub.simulation import Simulation
 from simulator_stub.world.simulator_state import SimulatorState
 
 PERIOD = 0.05
 LIMIT = 1.0
+DOUBT = PERIOD / 2  # after a silence the first message may be an old answer: it must be quiet for so long
 MOVE = encode(Actions(left_motor=0.1, right_motor=0.1))
+
+
+def move(power: float) -> bytes:
+    return encode(Actions(left_motor=power, right_motor=power))
+
+
 LIGHT = b'<Actions LeftMotor="0.0" RightMotor="0.0" VisitingLed="On"/>'
 
 
@@ -58,7 +66,7 @@ def world() -> World:
 
 @pytest.fixture
 def session(open_lab: Lab, three_places: StartGrid) -> Session:
-    return Session(Simulation(open_lab, three_places, Parameters(sim_time=30)))
+    return Session(Simulation(open_lab, three_places, Parameters(sim_time=200)))
 
 
 @pytest.fixture
@@ -72,6 +80,11 @@ def join(session: Session, newcomer: Any) -> Callable[[bytes], Any]:
 
 
 def lockstep(session: Session, world: World, notices: list[str] | None = None) -> Lockstep:
+    notify = (lambda line: None) if notices is None else notices.append
+    return Lockstep(session, PERIOD, limit=LIMIT, adaptive=False, notify=notify, clock=world.clock)
+
+
+def adaptive(session: Session, world: World, notices: list[str] | None = None) -> Lockstep:
     notify = (lambda line: None) if notices is None else notices.append
     return Lockstep(session, PERIOD, limit=LIMIT, notify=notify, clock=world.clock)
 
@@ -159,7 +172,7 @@ def test_a_robot_that_lets_the_limit_pass_is_not_waited_for_until_it_speaks(
     assert cycle_at(pace, session, world) == pytest.approx(0.002)
     world.after(0.001, lambda: robots[0].deliver(MOVE))
     world.after(0.5, lambda: robots[1].deliver(MOVE))
-    assert cycle_at(pace, session, world) == pytest.approx(0.5), "it is waited for again"
+    assert cycle_at(pace, session, world) == pytest.approx(0.5 + DOUBT), "it is waited for again"
 
 
 def test_with_nobody_left_to_wait_for_the_run_goes_on_in_real_time(
@@ -228,7 +241,7 @@ def test_while_stopped_cycles_keep_the_pace_and_wait_for_answers_too(
     session.simulation.start()
     cycle_at(pace, session, world)
     world.after(0.9, lambda: robot.deliver(MOVE))
-    assert cycle_at(pace, session, world) == pytest.approx(0.9), "but it is once the run starts"
+    assert cycle_at(pace, session, world) == pytest.approx(0.9 + DOUBT), "but it is once the run starts"
     assert session.simulation.time == 1
 
 
@@ -273,3 +286,107 @@ def test_a_newcomer_does_not_wait_for_robots_that_are_silent_while_stopped(
     world.after(PERIOD + 0.01, join)
     assert cycle_at(pace, session, world) == pytest.approx(PERIOD + 0.01)
     assert len(session.robots) == 2
+
+
+@pytest.fixture
+def alone(session: Session, world: World, join: Any) -> tuple[Lockstep, Any, list[str]]:
+    """One robot in lockstep that adapts, running, whose process cannot be watched; it answered in 1 ms."""
+    notices: list[str] = []
+    robot = join()
+    pace = adaptive(session, world, notices)
+    cycle_at(pace, session, world)
+    session.simulation.start()
+    robot.deliver(MOVE)
+    cycle_at(pace, session, world)
+    for _ in range(5):
+        world.after(0.001, lambda: robot.deliver(MOVE))
+        cycle_at(pace, session, world)
+    return pace, robot, notices
+
+
+def test_an_unanswered_measures_costs_no_more_than_real_time_and_then_less(
+    session: Session, world: World, alone: Any
+) -> None:
+    pace, robot, notices = alone
+    costs = []
+    for _ in range(4):
+        costs.append(cycle_at(pace, session, world))
+        for _ in range(3):
+            world.after(0.001, lambda: robot.deliver(MOVE))
+            cycle_at(pace, session, world)
+    assert costs[0] == pytest.approx(PERIOD)
+    assert costs[1:] == pytest.approx([BLIND_PATIENCE] * 3)
+    assert [line for line in notices if "unanswered" in line] == [
+        "robot 1 left the Measures of time 5 unanswered: its last command stays "
+        "(told once; --result has the count)"
+    ]
+    assert pace.counts(1) == {"unanswered": 4, "superseded": 0, "late": 0}
+
+
+def test_a_robot_that_never_answers_again_costs_one_limit_in_all(
+    session: Session, world: World, alone: Any
+) -> None:
+    pace, _, notices = alone
+    costs = []
+    while not session.robots[1].silent:
+        costs.append(cycle_at(pace, session, world))
+    assert max(costs) == pytest.approx(PERIOD)
+    assert sum(costs) == pytest.approx(LIMIT, abs=PERIOD)
+    assert notices[-1] == "robot 1 is silent and not waited for until it answers"
+
+
+def test_what_comes_while_a_cycle_is_computed_does_not_answer_its_measures(
+    session: Session, world: World, alone: Any
+) -> None:
+    pace, robot, notices = alone
+    world.after(0.001, lambda: robot.deliver(move(0.01)))
+    assert pace.wait(world.poll)
+    world.at(world.now, lambda: robot.deliver(move(0.02)))
+    session.cycle()
+    assert session.simulation.robots[0].left_command == 0.01
+    world.after(0.001, lambda: robot.deliver(move(0.03)))
+    cycle_at(pace, session, world)
+    assert session.simulation.robots[0].left_command == 0.03, "what came late is replaced"
+    assert pace.counts(1) == {"unanswered": 0, "superseded": 0, "late": 1}
+    assert [line for line in notices if "came after its cycle" in line]
+
+
+def test_a_brake_is_given_time_for_the_command_that_follows(
+    session: Session, world: World, alone: Any
+) -> None:
+    pace, robot, notices = alone
+    for _ in range(2):
+        world.after(0.001, lambda: robot.deliver(move(0.0)))
+        world.after(0.0015, lambda: robot.deliver(move(0.02)))
+        cycle_at(pace, session, world)
+        assert session.simulation.robots[0].left_command == 0.02
+    assert pace.counts(1) == {"unanswered": 0, "superseded": 2, "late": 0}
+    assert len([line for line in notices if "the last one counts" in line]) == 1
+
+
+def test_a_robot_that_sent_several_commands_is_never_a_cycle_behind_for_long(
+    session: Session, world: World, alone: Any
+) -> None:
+    """The second command of a cycle comes after the next Measures: what a clock cannot tell at once."""
+    pace, robot, _ = alone
+    lags = []
+    for cycle in range(40):
+        time = session.simulation.time
+        tag = (time + 1) / 10_000
+        late = cycle % 10 == 5
+        if late:  # answers the Measures before: sent 0.3 ms after these went out
+            world.after(0.0003, lambda tag=tag: robot.deliver(move(tag - 1e-4)))
+        world.after(0.0012, lambda tag=tag: robot.deliver(move(tag)))
+        cycle_at(pace, session, world)
+        lags.append(time + 1 - round(session.simulation.robots[0].left_command * 10_000))
+    assert not world.agenda
+    assert not any(lags)
+
+
+def test_the_settings_of_a_fixed_limit_wait_for_slow_answers(
+    session: Session, world: World, running: Any
+) -> None:
+    pace, robots, _ = running
+    robots[0].deliver(MOVE)
+    world.after(0.9, lambda: robots[1].deliver(MOVE))
+    assert cycle_at(pace, session, world) == pytest.approx(0.9)

@@ -136,7 +136,7 @@ def results(tmp_path: Path, lines: list[str]) -> Results:
 @pytest.fixture
 def session(open_lab: Lab, three_places: StartGrid, results: Results) -> Session:
     parameters = Parameters(sim_time=6, cycle_time=1)
-    return Session(Simulation(open_lab, three_places, parameters, seed=11), autostart=1, recorders=[results])
+    return Session(Simulation(open_lab, three_places, parameters, seed=11), autostart=1, observers=[results])
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ from simulator_stub.service.server import Server
 
 LINKS: dict[str, Callable[[str, int], Any]] = {"udp": UdpLink, "tcp": TcpLink}
 MOVE = encode(Actions(left_motor=0.1, right_motor=0.11))
-PATIENCE = 10.0
+PATIENCE = 300.0  # seconds; only a failure takes so long
 
 
 @contextlib.contextmanager

@@ -14,8 +14,8 @@ import ciberrato
 BIN = Path(sys.executable).parent
 FACE = {
     *("CiberratoError", "LabError", "ProtocolError", "UsageError", "__version__"),
-    *("Lab", "Parameters", "StartGrid", "read_grid", "read_lab", "read_parameters"),
-    *("find_grid", "find_lab", "find_parameters"),
+    *("Lab", "Parameters", "Robot", "StartGrid", "read_grid", "read_lab", "read_parameters"),
+    *("find_grid", "find_lab", "find_parameters", "PoseFilter"),
 }
 
 
@@ -54,10 +54,22 @@ def test_what_a_package_shows_is_in_its_list(name):
         key
         for key, value in vars(package).items()
         if not key.startswith("_")
+        and key != "TYPE_CHECKING"
         and getattr(value, "__module__", name) != "__future__"
         and type(value).__name__ not in {"module", "_Feature"}
     }
     assert shown <= set(getattr(package, "__all__", ()))
+
+
+def test_every_public_package_has_a_list_and_all_in_it_is_there():
+    # The rooms of the filter are behind its one public class; what is in them is not for others.
+    public = {name for name in packages() if not name.startswith("ciberrato.localization.")}
+    for name in public:
+        package = importlib.import_module(name)
+        assert package.__all__, name
+        modules = {module.name for module in pkgutil.iter_modules(package.__path__)}
+        for shown in package.__all__:
+            assert shown in modules or hasattr(package, shown), f"{name}.{shown}"
 
 
 @pytest.mark.parametrize("program", ["agent", "simulator", "viewer", "evaluate", "lab"])

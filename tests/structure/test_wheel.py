@@ -32,7 +32,7 @@ def test_the_wheel_ships_the_packages_and_the_maps(tmp_path):
         str(tmp_path),
         str(source),
     ]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()

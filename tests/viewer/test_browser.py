@@ -109,6 +109,10 @@ class World:
         self.robots.append(Driver(self.port, name, position))
         return self.robots[-1]
 
+    def stop_simulator(self) -> None:
+        self._simulator.kill()
+        self._simulator.wait(SECONDS)
+
     def close(self) -> None:
         for robot in self.robots:
             robot.close()
@@ -258,7 +262,7 @@ def test_beliefs_and_shapes_of_an_agent_are_drawn_and_kept(world: World, page: A
             cells = GridBelief(cells=belief)
             agent.send(OverlayMessage(source=EVIL, robot=1, time=time, belief=cells, shapes=shapes))
             expect_text(page, "#entropy", "^6.61$" if time == 0 else "^0.00$")
-    expect_text(page, "#modes", "1, 1 100 %")
+    expect_text(page, "#modes", r"^\(3, 3\) 100 %$")
     assert page.locator('[data-shape="goal"]').count() == 1
     expect_text(page, "#scene", "onerror")  # as text
     assert page.evaluate("window.hit") is None
@@ -281,21 +285,223 @@ def test_a_name_is_text_whatever_it_holds(world: World, page: Any) -> None:
     assert page.evaluate("window.hit") is None
 
 
-def test_a_phone_shows_everything_without_scrolling_sideways(chromium: Any, world: World) -> None:
+WIDTHS = {320: 640, 390: 844, 768: 900, 1024: 700, 1280: 800, 1920: 1080}
+LONG = "x" * 400
+# Turns the text round, hides itself, rings: in the page they are signs.
+UNSEEN = "a\u202eb\u200bc\x7fd"
+OVERPRINTED = """() => {
+    const labels = [...document.querySelectorAll('#scene > g:last-child > text')];
+    const boxes = labels.map((e) => e.getBoundingClientRect());
+    const over = (a, b) =>
+        a.left < b.right && b.left < a.right && a.top < b.bottom - 3 && b.top < a.bottom - 3;
+    return boxes.filter((a, i) => boxes.some((b, j) => j > i && over(a, b))).length;
+}"""
+OUTSIDE = """() => [...document.querySelectorAll('body *')]
+    .filter((e) => e.offsetParent && !e.closest('.symbols, .quiet'))
+    .map((e) => [e.id || e.className, e.getBoundingClientRect()])
+    .filter(([, box]) => box.width && (box.right > innerWidth + 1 || box.left < -1))
+    .map(([name]) => name)"""
+
+
+def test_no_width_overflows_and_no_label_overprints_another(chromium: Any, world: World) -> None:
+    for position, name in enumerate((LONG, EVIL, UNSEEN, "mouse 4"), start=1):
+        world.robot(name, position)
+    for width, height in WIDTHS.items():
+        with chromium.new_context(viewport={"width": width, "height": height}, has_touch=True) as context:
+            page = context.new_page()
+            page.set_default_timeout(MILLISECONDS)
+            page.goto(world.url)
+            page.wait_for_selector('.robot-g[data-robot="4"]')
+            page.wait_for_selector("#events li:nth-child(4)")
+            wait_for(page, "document.querySelectorAll('#scene > g:last-child > text').length >= 4")
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert page.evaluate(OUTSIDE) == [], width
+            assert page.evaluate(OVERPRINTED) == 0, width
+            # The lab is as wide, or as high, as there is room for it.
+            share = page.evaluate("""() => {
+                const { camera } = ciberrato, { top, bottom } = camera.insets;
+                const wide = camera.lab.width * camera.k / camera.width;
+                return Math.max(wide, camera.lab.height * camera.k / (camera.height - top - bottom));
+            }""")
+            assert share > 0.92, width
+            small = page.evaluate("""[...document.querySelectorAll('button, input, select')]
+                .filter((e) => e.offsetParent && e.getBoundingClientRect().height < 26).map((e) => e.id)""")
+            assert small == []
+            if width == 390:
+                page.tap("#start")
+                expect_text(page, "#phase", "running")
+                page.tap("#stop")
+                expect_text(page, "#phase", "stopped")
+
+
+def test_long_names_are_cut_and_whole_for_those_who_hover(world: World, page: Any) -> None:
+    world.robot(LONG, 1)
+    world.robot(UNSEEN, 2)
+    page.wait_for_selector('.robot-g[data-robot="2"]')
+    expect_text(page, "#events", "registered")
+    wait_for(page, "document.querySelector('.tag[data-cut=true]') !== null")
+    assert page.text_content("#robots li:first-child .name").endswith("…")
+    assert page.get_attribute("#robots li:first-child .name", "title") == LONG
+    assert page.text_content('.robot-g[data-robot="1"] title') == LONG
+    assert page.text_content(".tag[data-cut=true] title") == LONG
+    assert LONG in page.get_attribute("#events li:last-child button", "title")
+    assert page.text_content("#robots li:last-child .name") == "a\ufffdb\ufffdc\ufffdd"
+
+
+def test_the_events_have_no_needless_scroll_bar(world: World, page: Any) -> None:
+    for position in range(1, 9):
+        world.robot(f"mouse {position}", position)
+    page.wait_for_selector("#events li:nth-child(8)")
+    bars = (
+        "(({ scrollWidth, clientWidth, scrollHeight, clientHeight }) => [scrollWidth - clientWidth, %s])(%s)"
+    )
+    events = "document.querySelector('#events')"
+    assert page.evaluate(bars % ("0", events)) == [0, 0]
+    # Where the panel has room, all of them are seen.
+    page.set_viewport_size({"width": 1280, "height": 1300})
+    assert page.evaluate(bars % ("scrollHeight - clientHeight", events)) == [0, 0]
+    assert page.evaluate(bars % ("scrollHeight - clientHeight", "document.querySelector('aside')")) == [0, 0]
+
+
+def test_projection_shows_the_lab_and_who_leads(world: World, page: Any) -> None:
+    for position, name in enumerate((LONG, "two", "three"), start=1):
+        world.robot(name, position)
+    page.wait_for_selector('.robot-g[data-robot="3"]')
+    before = page.evaluate("ciberrato.camera.k")
+    page.keyboard.press("w")
+    page.wait_for_selector("#scores li:nth-child(3)")
+    wait_for(page, f"ciberrato.camera.k > 1.2 * {before}")
+    assert page.url.endswith("#projection")
+    assert page.is_hidden("aside")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+    order = """async () => {
+        const { ranking } = await import('/scoreboard.js');
+        const robots = [[1, 5, 'Running'], [2, 9, 'Running'], [3, 99, 'Removed'], [4, 9, 'Finished']];
+        return ranking(robots.map(([id, score, state]) => ({ id, score, state }))).map(({ id }) => id);
+    }"""
+    assert page.evaluate(order) == [2, 4, 1, 3]
+    page.keyboard.press("w")
+    page.wait_for_selector("aside")
+    wait_for(page, f"ciberrato.camera.k === {before}")
+    page.goto(f"{world.url}#projection")
+    page.wait_for_selector("#scores li:nth-child(3)")
+
+
+def test_the_state_of_a_simulator_that_is_gone_is_not_running(world: World, page: Any) -> None:
     world.robot("santos", 1)
-    with chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True) as context:
-        page = context.new_page()
-        page.goto(world.url)
-        page.wait_for_selector(".robot-g", timeout=MILLISECONDS)
-        assert page.evaluate("document.documentElement.scrollWidth") <= 390
-        small = page.evaluate("""[...document.querySelectorAll('button, input, select')]
-            .filter((e) => e.offsetParent)
-            .map((e) => [e.id, e.getBoundingClientRect()])
-            .filter(([, box]) => box.right > 390 || box.left < 0 || box.height < 26)
-            .map(([id]) => id)""")
-        assert small == []
-        page.tap("#start")
-        expect_text(page, "#phase", "running")
+    page.wait_for_selector(".robot-g")
+    page.click("#start")
+    expect_text(page, "#phase", "running")
+    phases = """async () => {
+        const { phaseNow } = await import('/sidebar.js');
+        const { state } = await import('/state.js');
+        const kept = { connected: state.connected, connection: state.connection };
+        const frame = { phase: 'running', robots: [1] };
+        const found = [];
+        for (const [connected, connection, age] of
+            [[true, 'watching', 0],
+             [true, 'watching', 9999], [true, 'searching', 0], [false, 'watching', 0]]) {
+            Object.assign(state, { connected, connection });
+            found.push(phaseNow(frame, state.heard + age));
+        }
+        Object.assign(state, kept);
+        return found;
+    }"""
+    assert page.evaluate(phases) == ["running", "silent", "gone", "gone"]
+    world.stop_simulator()
+    expect_text(page, "#phase", "^(silent|no contact)$")
+    expect_text(page, "#rate", "–")
+    page.wait_for_selector('#status[data-state="searching"]')
+    expect_text(page, "#phase", "^no contact$")
+    assert page.is_disabled("#stop")
+
+
+def test_a_page_without_a_simulator_says_where_it_looks(chromium: Any) -> None:
+    nowhere = ("--http", "0", "--no-overlay", "--simulator", "127.0.0.1:9")
+    command = [sys.executable, "-m", "ciberrato.viewer", *nowhere]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as viewer:
+        assert viewer.stdout is not None
+        url = viewer.stdout.readline().split()[1]
+        page = chromium.new_page()
+        page.set_default_timeout(MILLISECONDS)
+        # The notice as it first was: before the address is known there is none.
+        page.add_init_script("""new MutationObserver(() => {
+            const notice = document.querySelector('#notice');
+            window.notices ??= new Set();
+            if (notice && !notice.hidden) window.notices.add(notice.textContent);
+        }).observe(document, { subtree: true, childList: true, attributes: true })""")
+        page.goto(url)
+        page.wait_for_selector("#notice:not([hidden])")
+        assert page.evaluate("[...window.notices].filter((text) => !text.includes('at 127.0.0.1:9.'))") == []
+        page.close()
+        viewer.terminate()
+        viewer.communicate(timeout=SECONDS)
+
+
+def test_a_picture_older_than_a_message_does_not_go_backwards(page: Any) -> None:
+    script = """async () => {
+        const { liveRobots } = await import('/time.js');
+        const { tween } = await import('/state.js');
+        const robot = (x) => ({ id: 1, x, y: 0, dir: 0 });
+        const [from, to] = [1, 1.1].map((x) => ({ robots: [robot(x)] }));
+        Object.assign(tween, { from, to, start: 1000, length: 50 });
+        return [900, 999, 1000, 1025, 1050, 2000].map((now) => liveRobots(now)[0].x);
+    }"""
+    assert page.evaluate(script) == pytest.approx([1.0, 1.0, 1.0, 1.05, 1.1, 1.1])
+
+
+def test_labels_find_free_places(page: Any) -> None:
+    script = """async (count) => {
+        const { arrange, ON } = await import('/labels.js');
+        let seed = 1;
+        const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+        const labels = Array.from({ length: count }, (_, key) => ({
+            key, width: 20 + 60 * random(), height: 15, x: 500 * random(), y: 300 * random(), reach: 8,
+            needed: key === 0,
+            ...(key % 5 === 4 ? { choices: ON } : {}),
+        }));
+        const taken = labels.map(({ x, y }) => [x - 5, y - 5, x + 5, y + 5]).slice(0, 10);
+        const before = new Map();
+        const placed = arrange(labels, taken, { width: 500, height: 300 }, before);
+        return [placed, taken, arrange(labels, taken, { width: 500, height: 300 }, before)];
+    }"""
+    placed, taken, again = page.evaluate(script, 40)
+    assert placed == again  # nothing jumps while nothing moves
+    assert placed[0] is not None
+    shown = [box for box in placed if box is not None]
+    assert 10 < len(shown) < 40
+    for index, (left, top, right, bottom) in enumerate(shown[1:], start=1):
+        assert 0 <= left < right <= 500
+        assert 0 <= top < bottom <= 300
+        for other in [*shown[:index], *taken]:
+            assert left >= other[2] or right <= other[0] or top >= other[3] or bottom <= other[1]
+
+
+def test_the_true_cell_is_that_of_the_beliefs_own_cycle(world: World, page: Any) -> None:
+    world.robot("santos", 1)
+    page.wait_for_selector(".robot-g")
+    page.click("#start")
+    wait_for(page, "ciberrato.state.frame.time > 60")
+    page.click("#stop")
+    expect_text(page, "#phase", "stopped")
+    page.fill("#scrubber", "0")
+    expect_text(page, "#time", "^0$")
+    x, y = place(page)
+    page.click("#live")
+    cells = np.full((7, 14), 0.001)
+    cells[int(y // 2), int(x // 2)] = 1.0
+    with OverlayClient(port=world.overlay_port) as agent:
+        agent.send(OverlayMessage(source="santos", robot=1, time=0, belief=GridBelief(cells=cells)))
+        expect_text(page, "#belief-when", r"^As of cycle 0, \d+ cycles ago; the robot was in \(\d+, \d+\)\.$")
+    expect_text(page, "#true-cell", "^91 %$")
+    # The ring is where the robot was, not where it is.
+    wait_for(page, "document.querySelector('.then') !== null")
+    ring = [float(page.get_attribute(".then", name)) for name in ("cx", "cy")]
+    assert ring == pytest.approx([x, y])
+    assert math.dist(place(page), ring) > 0.3
+    expect_text(page, "#scene .then-text", "^cycle 0$")
+    page.fill("#scrubber", "0")
+    wait_for(page, "document.querySelector('.then') === null")
 
 
 def test_the_page_comes_back_when_the_viewer_was_away(world: World, page: Any) -> None:

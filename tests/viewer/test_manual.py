@@ -25,7 +25,7 @@ def test_every_option_is_described_and_every_described_option_exists():
 
 def test_every_picture_is_there():
     pictures = re.findall(r"\]\((figures/[^)]+)\)", VIEWER)
-    assert len(pictures) == 9
+    assert len(pictures) == 10
     assert all((DOCS / picture).stat().st_size > 20_000 for picture in pictures)
 
 

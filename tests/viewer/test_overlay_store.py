@@ -49,6 +49,28 @@ def test_the_true_cell_is_unknown_without_a_robot_or_outside_the_grid():
     assert other.series()[0][3] is None
 
 
+def test_a_belief_ahead_of_the_frames_is_compared_when_its_own_frame_has_come():
+    places = {9: (3.0, 3.0), 10: (3.0, 3.0), 11: (5.0, 3.0), 12: (7.0, 3.0)}
+
+    def place_of(robot, time):
+        # As the time line does it: what is not there yet is as it was last.
+        return places[min(time, newest)]
+
+    newest = 9
+    store = OverlayStore()
+    world = {"time": newest, "lab": LAB, "place_of": place_of}
+    cells = [[0, 0, 0, 0], [0, 1, 2, 1]]
+    source = store.receive(belief(cells, time=11), now=0.0, **world)
+    assert source.series() == [[11, 1.5, 0.5, None]]
+    assert source.belief_at(11).document()["place"] is None
+    for newest in (10, 11, 12):
+        version = source.version
+        store.settle(newest, LAB, place_of)
+        assert source.version == version + (newest == 11)
+    assert source.series() == [[11, 1.5, 0.5, 0.5]]
+    assert source.belief_at(11).document()["place"] == (5.0, 3.0)
+
+
 def test_beliefs_are_found_by_time_however_late_they_came():
     store = OverlayStore()
     for time in (10, 30, 20, 30):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
 import signal
 import socket
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,7 @@ from ciberrato.labs import find_lab
 from ciberrato.viewer.cli import main
 from ciberrato.viewer.page_messages import AskBelief, AskFrames
 from ciberrato.viewer.recording import load_recording
+from ciberrato.viewer.simulator_log import load_simulator_log
 
 from .conftest import SECONDS
 
@@ -141,6 +144,7 @@ def test_a_log_of_another_lab_is_refused(log):
         (["--http", "no.such.host.invalid:0"], "cannot open"),
         (["--run", "missing.jsonl"], "cannot read the log"),
         (["--start-cell", "1"], "COLUMN,ROW"),
+        (["--angles", "0,60,x,180"], "not four angles"),
     ],
 )
 def test_wrong_arguments_are_one_line_and_status_2(arguments, words, capsys):
@@ -158,6 +162,76 @@ def test_a_port_in_use_is_said(capsys):
         busy.bind(("127.0.0.1", 0))
         assert main(["--http", "0", "--overlay", str(busy.getsockname()[1])]) == 2
         assert "overlay" in capsys.readouterr().err
+
+
+SIMULATOR_LOG = Path(__file__).parents[1] / "data" / "golden" / "logs" / "log2_two_robots" / "sim.log.gz"
+
+
+def test_a_log_of_the_real_simulator_is_shown_as_it_says():
+    session = load_simulator_log(SIMULATOR_LOG)
+    shown = frames(session)
+    assert [time for time, _, _ in shown] == list(range(401))
+    # Read with another parser: every robot's pose, score and collisions of every cycle.
+    root = ET.fromstring(gzip.decompress(SIMULATOR_LOG.read_bytes()))
+    for info, (time, _, rows) in zip(root.iter("LogInfo"), shown, strict=True):
+        assert int(info.attrib["Time"]) == time
+        for robot, row in zip(info.iter("Robot"), rows, strict=True):
+            place, scores = robot.find("Pos"), robot.find("Scores")
+            assert place is not None
+            assert scores is not None
+            assert row[:4] == [int(robot.attrib["Id"]), *(float(place.attrib[n]) for n in ("X", "Y", "Dir"))]
+            assert row[4] == int(scores.attrib["Score"])
+            assert row[7] == int(scores.attrib["Collisions"])
+            assert row[10] == robot.attrib["State"]
+    news = dict(session.snapshot())
+    world = json.loads(news["world"])
+    assert (world["lab"]["name"], len(world["grid"]), world["simTime"]) == ("Open", 2, 400)
+    assert (world["recording"], world["control"]) == (True, False)
+    assert [robot["name"] for robot in json.loads(news["roster"])["robots"]] == ["bot1", "bot2"]
+
+
+def test_the_angles_of_a_simulators_log_are_those_that_the_user_says():
+    session = load_simulator_log(SIMULATOR_LOG, (0.0, 90.0, -90.0, 180.0))
+    robots = json.loads(dict(session.snapshot())["roster"])["robots"]
+    assert [robot["angles"] for robot in robots] == [[0.0, 90.0, -90.0, 180.0]] * 2
+
+
+def test_a_log_that_was_cut_is_shown_as_far_as_it_goes_and_that_is_said(tmp_path):
+    cut, lines = tmp_path / "cut", []
+    cut.write_bytes(gzip.decompress(SIMULATOR_LOG.read_bytes())[:100_000])
+    shown = frames(load_simulator_log(cut, notify=lines.append))
+    assert 50 < len(shown) < 400
+    assert len(lines) == 1
+    assert "has no end" in lines[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--run", str(SIMULATOR_LOG), "-m", "maze"], "-m: a simulator's log holds the lab"),
+        (["--run", str(SIMULATOR_LOG), "--start-cell", "0,0"], "--start-cell: "),
+        (["--run", str(SIMULATOR_LOG), "--beliefs", "x"], "--beliefs: "),
+    ],
+)
+def test_options_that_a_simulators_log_does_not_need_are_refused(arguments, words, capsys):
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_angles_are_not_said_for_an_agents_log(log, capsys):
+    assert main(["--run", str(log), "--angles", "0,60,-60,180"]) == 2
+    assert "an agent's log tells" in capsys.readouterr().err
+
+
+def test_what_begins_like_a_log_and_is_none_is_refused(tmp_path, capsys):
+    path = tmp_path / "x.log"
+    path.write_text("<Log><Nothing></Log>")
+    assert main(["--run", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert str(path) in error
+    assert error.count("\n") == 1
 
 
 def started(*arguments: str, **options: object) -> subprocess.Popen[str]:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from agent.drives.right.tracker import STANDSTILL, CellTracker, Command
-from ciberrato.physics.kinematics import MAX_POWER
+from agent.drives.right.tracker import CellTracker
+from ciberrato.physics.kinematics import MAX_POWER, STANDSTILL, Command
 from ciberrato.world.lab import CELL_SIZE
 
 _HEADING_GAIN = 0.4
@@ -44,7 +44,7 @@ class Pilot:
 
     def drive(self, tracker: CellTracker) -> Command:
         """Drive to the right along the middle line, slowing down before a wall."""
-        left = tracker.way_left
+        left = tracker.distance_left
         if left < _CLOSE_ENOUGH and tracker.speed < _CLOSE_ENOUGH:
             return STANDSTILL
         pose = tracker.pose

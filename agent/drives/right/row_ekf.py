@@ -67,7 +67,7 @@ class Explanation(NamedTuple):
     variance: float
 
 
-class PoseFilter:
+class RowKalmanFilter:
     """Kalman filter over (along, lateral, heading).
 
     Parameters

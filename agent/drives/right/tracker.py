@@ -10,15 +10,14 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from agent.drives.right.row_ekf import Explanation, Pose, PoseFilter
+from agent.drives.right.row_ekf import Explanation, Pose, RowKalmanFilter
 from agent.drives.right.wall_cues import WallAhead, clutter, reading_variance, side_explanations
 from ciberrato.files.run_records import Readings
+from ciberrato.geometry.angles import short_turn
+from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.lab import CELL_SIZE
 from ciberrato.world.parameters import Parameters
-
-Command = tuple[float, float]
-STANDSTILL: Command = (0.0, 0.0)
 
 _DEGREE = math.pi / 180.0
 _ALIGNED = 1.0 * _DEGREE
@@ -72,7 +71,7 @@ class CellTracker:
         self._variance = reading_variance(parameters.obstacle_noise)
         self._compass_variance = (parameters.compass_noise**2 + 1.0 / 12.0) * _DEGREE**2
         memory = max(parameters.obstacle_latency, parameters.compass_latency)
-        self._filter = PoseFilter(parameters.motors_noise, memory)
+        self._filter = RowKalmanFilter(parameters.motors_noise, memory)
         self._ahead = WallAhead(parameters.obstacle_noise)
         self._front: float | None = None
         self._compass_sum = 0.0
@@ -123,7 +122,7 @@ class CellTracker:
         return self._rest
 
     @property
-    def way_left(self) -> float:
+    def distance_left(self) -> float:
         """Units to drive to the last cell centre before a wall; infinite while no wall is seen ahead."""
         if not self._ahead.certain:
             return math.inf
@@ -181,7 +180,7 @@ class CellTracker:
         if not self._moved:
             self._find_start_heading(degrees)
             return
-        innovation = _wrapped(degrees * _DEGREE - self._filter.pose(latency).heading)
+        innovation = short_turn(degrees * _DEGREE - self._filter.pose(latency).heading)
         self._surprises.append(innovation / math.sqrt(self.deviations[2] ** 2 + self._compass_variance))
         mean = sum(self._surprises) / len(self._surprises)
         if len(self._surprises) == self._surprises.maxlen and abs(mean) > 1.25:
@@ -195,13 +194,13 @@ class CellTracker:
         if self._compass_first is None:
             self._compass_first = degrees
         self._compass_count += 1
-        self._compass_sum += _wrapped((degrees - self._compass_first) * _DEGREE)
-        mean = _wrapped(self._compass_first * _DEGREE + self._compass_sum / self._compass_count)
+        self._compass_sum += short_turn((degrees - self._compass_first) * _DEGREE)
+        mean = short_turn(self._compass_first * _DEGREE + self._compass_sum / self._compass_count)
         deviation = math.sqrt(self._compass_variance / self._compass_count)
         right_angle = round(mean / (math.pi / 2.0)) * math.pi / 2.0
         noisy = 1.0 if self.parameters.motors_noise > 0.0 else 0.0
         if abs(mean - right_angle) <= 3.0 * deviation + _DEGREE:
-            heading, deviation = _wrapped(right_angle), 0.5 * _DEGREE * noisy
+            heading, deviation = short_turn(right_angle), 0.5 * _DEGREE * noisy
         else:
             heading = mean
         self._filter.place(Pose(0.0, 0.0, heading), (0.0, 0.02 * noisy, deviation))
@@ -258,7 +257,3 @@ def _role(angle: float) -> int | None:
         if abs(turned - axis) < 0.5:
             return role
     return None
-
-
-def _wrapped(angle: float) -> float:
-    return math.remainder(angle, 2.0 * math.pi)

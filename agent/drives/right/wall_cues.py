@@ -82,8 +82,8 @@ def side_explanations(reading: float, side: int, pose: Pose, variance: float) ->
 def _beside(pose: Pose, deviations: tuple[float, float, float]) -> float:
     """Most that the sensor ahead reads of a wall along the row, which an outer ray of its cone meets."""
     angle = _HALF_APERTURE + abs(pose.heading) + deviations[2]
-    room = max(FACE - abs(pose.lateral) - deviations[1], _SENSOR_OFFSET)
-    return math.sin(angle) / room
+    free = max(FACE - abs(pose.lateral) - deviations[1], _SENSOR_OFFSET)
+    return math.sin(angle) / free
 
 
 def clutter(reading: float) -> float:

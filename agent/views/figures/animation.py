@@ -11,22 +11,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agent.offline.summary import cell_name, normalized_entropy, peak
 from agent.offline.track import estimated_track
-from agent.offline.truth_file import TruePose
-from agent.views.figures.beliefs import draw_belief, probability_scale
+from agent.views.figures.beliefs import draw_belief, probability_scale, ring_cell
 from agent.views.figures.canvas import LINE_COLOURS, new_figure
 from agent.views.figures.conepoint import nearest_point, sensor_point
 from agent.views.figures.labmaps import draw_cone, draw_robot
+from ciberrato.arrays import Floats
 from ciberrato.errors import UsageError
 from ciberrato.files.atomic import replace_file
 from ciberrato.files.run_records import RecordedRun
 from ciberrato.geometry.walls import WallMap
-from ciberrato.world.lab import Lab
-
-Array = NDArray[np.float64]
+from ciberrato.world.coordinates import PoseInDegrees
+from ciberrato.world.lab import CELL_SIZE, Lab
 
 KINDS = (".gif", ".mp4", ".html")
 
@@ -53,11 +51,11 @@ def check_animation(path: Path) -> None:
 
 def animate_run(
     run: RecordedRun,
-    beliefs: Array,
+    beliefs: Floats,
     lab: Lab,
     path: str | os.PathLike[str],
     *,
-    truth: Mapping[int, TruePose] | None = None,
+    truth: Mapping[int, PoseInDegrees] | None = None,
     every: int = 4,
     frames_per_second: float = 10.0,
 ) -> int:
@@ -123,12 +121,12 @@ class _Scene:
     """The picture that changes from frame to frame."""
 
     def __init__(
-        self, run: RecordedRun, beliefs: Array, lab: Lab, truth: Mapping[int, TruePose] | None
+        self, run: RecordedRun, beliefs: Floats, lab: Lab, truth: Mapping[int, PoseInDegrees] | None
     ) -> None:
         self._run, self._beliefs, self._truth = run, beliefs, truth
         self._walls = WallMap.from_lab(lab)
         self._track = estimated_track(run, beliefs)
-        self.figure = new_figure(10.0, 10.0 * lab.height / lab.width + 0.7)
+        self.figure = new_figure(10.0, 8.6 * lab.height / lab.width + 0.9)
         self._axis = self.figure.subplots()
         self._image = draw_belief(self._axis, beliefs[0], probability_scale(), lab)
         bar = self.figure.colorbar(self._image, ax=self._axis, shrink=0.8, fraction=0.03, pad=0.01)
@@ -164,16 +162,26 @@ class _Scene:
         pose = self._pose(index)
         if pose is not None:
             self._draw_robot(*pose)
+        self._ring_truth(index)
         self._title.set_text(f"cycle {cycle.time:4d}   {self._text(index, belief)}")
         return [self._image, self._title, *self._moving]
 
-    def _pose(self, index: int) -> TruePose | None:
+    def _pose(self, index: int) -> PoseInDegrees | None:
         if self._truth is not None:
             return self._truth.get(self._run.cycles[index].time)
         if self._track is None:
             return None
         x, y, heading = self._track[index]
         return float(x), float(y), float(heading)
+
+    def _ring_truth(self, index: int) -> None:
+        """Ring the true cell at the moment of the belief: the robot is on its way from there."""
+        step = int(self._step[index])
+        if self._truth is None or step < 0:
+            return
+        pose = self._truth.get(self._run.steps[step].time)
+        if pose is not None:
+            self._moving += ring_cell(self._axis, (int(pose[1] // CELL_SIZE), int(pose[0] // CELL_SIZE)))
 
     def _draw_robot(self, x: float, y: float, heading: float) -> None:
         self._moving += draw_robot(self._axis, x, y, math.radians(heading))
@@ -187,9 +195,10 @@ class _Scene:
             self._moving.append(draw_cone(self._axis, start, direction, math.dist(start, point), colour))
             self._moving += self._axis.plot(*point, "o", color=colour, markersize=5, zorder=9)
 
-    def _text(self, index: int, belief: Array) -> str:
+    def _text(self, index: int, belief: Floats) -> str:
         step = int(self._step[index])
-        name = "prior     " if step < 0 else f"step {step:<5d}"
+        at = "" if step < 0 else f" (cycle {self._run.steps[step].time})"
+        name = f"{'prior' if step < 0 else f'belief of step {step}{at}':30}"
         if np.isnan(belief).any():
             return f"{name} undefined"
         best = peak(belief)

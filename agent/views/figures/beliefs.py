@@ -9,24 +9,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.offline.summary import Cell, cell_name, normalized_entropy, peak
-from agent.views.figures.canvas import TRUE_COLOUR, draw_walls, new_figure, save_figure, set_lab_axes
+from agent.offline.summary import cell_name, normalized_entropy, peak
+from agent.views.figures.canvas import (
+    TRUE_COLOUR,
+    draw_walls,
+    label_outer,
+    new_figure,
+    save_figure,
+    set_lab_axes,
+    set_title,
+    step_names,
+)
+from agent.views.figures.panelchoice import Choice, telling_blocks
+from ciberrato.arrays import Floats
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
-
-Array = NDArray[np.float64]
 
 
 def belief_panels(
-    beliefs: Array,
+    beliefs: Floats,
     path: str | os.PathLike[str],
     *,
     lab: Lab | None = None,
     true_cells: Sequence[Cell | None] | None = None,
     title: str | None = None,
+    every_step: bool = False,
 ) -> None:
     """Draw one panel a step: the belief, the walls over it, the true cell where it is known.
+
+    A tail of steps that are all certain (and right, where the truth is known) is cut; a note says so.
 
     Parameters
     ----------
@@ -40,6 +52,8 @@ def belief_panels(
         Where the robot was at each block (None for the prior).
     title : str or None
         Above all panels.
+    every_step : bool
+        Cut nothing.
 
     Raises
     ------
@@ -49,31 +63,32 @@ def belief_panels(
     from matplotlib.cm import ScalarMappable
 
     blocks, rows, columns = beliefs.shape
-    across = min(blocks, 3 if columns <= 2 * rows else 2 if blocks <= 6 or columns > 20 else 3)
-    down = math.ceil(blocks / across)
+    choice = Choice(list(range(blocks)), "") if every_step else telling_blocks(beliefs, true_cells)
+    shown = len(choice.blocks)
+    across = min(shown, 3 if columns <= 2 * rows else 2 if shown <= 6 or columns > 20 else 3)
+    down = math.ceil(shown / across)
     panel_width = 4.6
-    panel_height = panel_width * rows / columns + 0.45
-    figure = new_figure(across * panel_width + 0.9, down * panel_height + 0.6)
+    panel_height = panel_width * rows / columns + 0.5
+    figure = new_figure(across * panel_width + 1.2, down * panel_height + 0.9, layout="compressed")
     axes = figure.subplots(down, across, squeeze=False)
     norm = probability_scale()
-    for index, axis in enumerate(axes.flat):
-        if index >= blocks:
-            axis.set_axis_off()
-            continue
-        truth = true_cells[index] if true_cells is not None else None
-        draw_belief(axis, beliefs[index], norm, lab, truth)
-        axis.set_title(_panel_title(index, beliefs[index]), fontsize=9)
-        if index + across < blocks:
-            axis.tick_params(labelbottom=False)
-        if index % across:
-            axis.tick_params(labelleft=False)
+    names = step_names(blocks)
+    for axis in axes.flat[shown:]:
+        axis.set_axis_off()
+    for axis, block in zip(axes.flat, choice.blocks, strict=False):
+        truth = true_cells[block] if true_cells is not None else None
+        draw_belief(axis, beliefs[block], norm, lab, truth)
+        axis.set_title(_panel_title(names[block], beliefs[block]), fontsize=10)
+    label_outer(axes, shown)
     bar = figure.colorbar(
-        ScalarMappable(norm=norm, cmap="viridis"), ax=axes, shrink=0.8, fraction=0.02, pad=0.01
+        ScalarMappable(norm=norm, cmap="viridis"), ax=axes, shrink=0.9, fraction=0.03, pad=0.015
     )
     bar.set_label("probability of the cell")
     bar.set_ticks([0, 0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 1])
-    if title:
-        figure.suptitle(title, fontsize=11)
+    known = true_cells is not None and any(cell is not None for cell in true_cells)
+    parts = [title, "red ring: true cell" if known else None]
+    if any(parts) or choice.note:
+        set_title(figure, "; ".join(part for part in parts if part), size=11, note=choice.note)
     save_figure(figure, Path(path))
 
 
@@ -90,7 +105,7 @@ def probability_scale() -> Any:
 
 
 def draw_belief(
-    axis: Any, belief: Array, norm: Any, lab: Lab | None = None, truth: Cell | None = None
+    axis: Any, belief: Floats, norm: Any, lab: Lab | None = None, truth: Cell | None = None
 ) -> Any:
     """Draw one belief.
 
@@ -131,27 +146,32 @@ def draw_belief(
     return image
 
 
-def ring_cell(axis: Any, cell: Cell) -> None:
+def ring_cell(axis: Any, cell: Cell) -> list[Any]:
     """Put a ring around a cell's centre; white under red shows on every colour of the belief.
 
     Parameters
     ----------
     axis : matplotlib.axes.Axes
     cell : (row, column)
+
+    Returns
+    -------
+    list of matplotlib artists
     """
     row, column = cell
     centre = ((column + 0.5) * CELL_SIZE, (row + 0.5) * CELL_SIZE)
-    axis.plot(*centre, "o", markersize=9, fillstyle="none", color="white", markeredgewidth=3, zorder=3)
-    axis.plot(*centre, "o", markersize=9, fillstyle="none", color=TRUE_COLOUR, markeredgewidth=1.4, zorder=4)
+    return [
+        *axis.plot(*centre, "o", ms=9, fillstyle="none", color="white", markeredgewidth=3, zorder=3),
+        *axis.plot(*centre, "o", ms=9, fillstyle="none", color=TRUE_COLOUR, markeredgewidth=1.4, zorder=4),
+    ]
 
 
-def _panel_title(index: int, belief: Array) -> str:
-    if index == 0:
-        return "prior"
-    name = "start" if index == 1 else f"step {index - 1}"
+def _panel_title(name: str, belief: Floats) -> str:
     if np.isnan(belief).any():
         return f"{name}: undefined (nan)"
     best = peak(belief)
-    ties = f" (one of {len(best.cells)})" if len(best.cells) > 1 else ""
-    entropy = normalized_entropy(belief)
-    return f"{name}: {cell_name(best.cells[0])}{ties} p = {best.probability:.3f}, {entropy:.2f} bits"
+    entropy = f"{normalized_entropy(belief):.2f} bits"
+    if len(best.cells) == belief.size:
+        return f"{name}: all cells, p = {best.probability:.3f}, {entropy}"
+    ties = f" and {len(best.cells) - 1} more" if len(best.cells) > 1 else ""
+    return f"{name}: {cell_name(best.cells[0])}{ties}, p = {best.probability:.3f}, {entropy}"

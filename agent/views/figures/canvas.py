@@ -5,11 +5,13 @@ matplotlib is loaded inside the functions, as it takes a second.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ciberrato.errors import UsageError
 from ciberrato.files.atomic import replace_file
+from ciberrato.plaintext import plain
 from ciberrato.world.lab import CELL_SIZE, Lab
 
 TRUE_COLOUR = "#d62728"
@@ -19,13 +21,22 @@ TRUE_COLOUR = "#d62728"
 LINE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 
 
-def new_figure(width: float, height: float) -> Any:
+Layout = Literal["constrained", "compressed"]
+
+X_LABEL, Y_LABEL = "x (units)", "y (units)"
+LABEL_SIZE = 9
+_MOST_TITLE = 100
+
+
+def new_figure(width: float, height: float, *, layout: Layout = "constrained") -> Any:
     """Make an empty figure that needs no screen.
 
     Parameters
     ----------
     width, height : float
         Inches.
+    layout : {"constrained", "compressed"}
+        The latter for maps, whose shape is fixed: no gaps between them.
 
     Returns
     -------
@@ -34,7 +45,7 @@ def new_figure(width: float, height: float) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
@@ -62,7 +73,8 @@ def save_figure(figure: Any, path: Path) -> None:
             f"{path}: cannot write a figure of kind {kind!r}; use one of {', '.join(sorted(known))}"
         )
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=120)
+    # What the maps' fixed shapes leave empty round the figure is cut off.
+    figure.savefig(buffer, format=kind, dpi=120, bbox_inches="tight", pad_inches=0.08)
     replace_file(path, buffer.getvalue())
 
 
@@ -94,8 +106,45 @@ def draw_walls(axis: Any, lab: Lab, *, colour: str = "white") -> None:
         )
 
 
+def set_title(target: Any, text: str, *, size: float = 10.0, note: str = "") -> None:
+    """Set the title of an axis or a figure; it may hold names of others.
+
+    Parameters
+    ----------
+    target : matplotlib.axes.Axes or matplotlib.figure.FigureBase
+    text : str
+        A dollar in it begins no formula, control characters are shown as a sign, and it is cut when long.
+    size : float
+        Points.
+    note : str
+        A second line, of ours.
+    """
+    write = target.suptitle if hasattr(target, "suptitle") else target.set_title
+    lines = [line for line in (plain(text, _MOST_TITLE), note) if line]
+    write("\n".join(lines), fontsize=size, parse_math=False)
+
+
+def step_names(blocks: int) -> list[str]:
+    """Name the blocks of a belief file, each once: the prior, then the steps from 0, the start cell."""
+    return ["prior", *(f"step {step}" for step in range(blocks - 1))]
+
+
+def set_step_axis(axis: Any, blocks: int) -> None:
+    """Label an axis whose places are those of `step_names`, from -1.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+    blocks : int
+    """
+    stride = max(1, math.ceil((blocks - 1) / 16))
+    steps = list(range(0, blocks - 1, stride))
+    axis.set_xticks([-1, *steps], ["prior", *map(str, steps)])
+    axis.set_xlabel("step (0: start cell)")
+
+
 def set_lab_axes(axis: Any, width: float, height: float) -> None:
-    """Scale an axis to a lab, its ticks at cell centres.
+    """Scale an axis to a lab, its ticks at cell centres, with names and units.
 
     Parameters
     ----------
@@ -108,7 +157,28 @@ def set_lab_axes(axis: Any, width: float, height: float) -> None:
     axis.set_aspect("equal")
     axis.set_xticks(_ticks(width, 7))
     axis.set_yticks(_ticks(height, 4))
-    axis.tick_params(labelsize=7, length=2)
+    axis.tick_params(labelsize=8, length=2)
+    axis.set_xlabel(X_LABEL, fontsize=LABEL_SIZE)
+    axis.set_ylabel(Y_LABEL, fontsize=LABEL_SIZE)
+
+
+def label_outer(axes: Any, shown: int) -> None:
+    """Keep names and numbers at the outer panels only.
+
+    Parameters
+    ----------
+    axes : array of matplotlib axes, shape (rows, columns)
+    shown : int
+        How many of them have a picture, row by row.
+    """
+    across = axes.shape[1]
+    for index, axis in enumerate(axes.flat):
+        if index + across < shown:
+            axis.tick_params(labelbottom=False)
+            axis.set_xlabel("")
+        if index % across:
+            axis.tick_params(labelleft=False)
+            axis.set_ylabel("")
 
 
 def _ticks(length: float, most: int) -> list[float]:

@@ -13,8 +13,8 @@ import numpy as np
 
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, SENSOR_OFFSET
+from ciberrato.world.coordinates import Point
 
-Point = tuple[float, float]
 _TOLERANCE = 1e-9
 
 

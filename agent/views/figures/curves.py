@@ -8,16 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agent.offline.summary import Cell, normalized_entropy
-from agent.views.figures.canvas import LINE_COLOURS, TRUE_COLOUR, new_figure, save_figure
-
-Array = NDArray[np.float64]
+from agent.offline.summary import normalized_entropy
+from agent.views.figures.canvas import LINE_COLOURS, TRUE_COLOUR, new_figure, save_figure, set_step_axis
+from ciberrato.arrays import Floats
+from ciberrato.world.coordinates import Cell
 
 
 def step_curves(
-    beliefs: Array, path: str | os.PathLike[str], *, true_cells: Sequence[Cell | None] | None = None
+    beliefs: Floats, path: str | os.PathLike[str], *, true_cells: Sequence[Cell | None] | None = None
 ) -> None:
     """Draw entropy and the greatest probability over the steps; that of the true cell where it is known.
 
@@ -41,7 +40,8 @@ def step_curves(
     greatest = [float(b.max()) if ok else math.nan for b, ok in zip(beliefs, known, strict=True)]
     figure = new_figure(7.0, 5.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    upper.plot(steps, greatest, "o-", color=LINE_COLOURS[0], markersize=4, label="most likely cell")
+    # The one below is wider: where both are the same, both are seen.
+    upper.plot(steps, greatest, "o-", color=LINE_COLOURS[0], markersize=8, lw=3.5, label="most likely cell")
     if true_cells is not None:
         right = [
             math.nan if cell is None else float(belief[cell])
@@ -50,18 +50,18 @@ def step_curves(
         upper.plot(steps, right, "s--", color=TRUE_COLOUR, markersize=4, label="true cell")
     upper.set_ylabel("probability")
     upper.set_ylim(-0.03, 1.03)
-    upper.legend(fontsize=8)
-    lower.plot(steps, entropy, "o-", color=LINE_COLOURS[2], markersize=4)
+    lower.plot(steps, entropy, "o-", color=LINE_COLOURS[2], markersize=4, label="entropy")
+    figure.legend(loc="outside upper center", ncols=3, fontsize=9)
     lower.set_ylabel("entropy (bits)")
     lower.set_ylim(bottom=-0.1)
-    lower.set_xlabel("step (-1: prior, 0: start cell)")
+    set_step_axis(lower, len(beliefs))
     for axis in (upper, lower):
         axis.grid(color="0.9")
     save_figure(figure, Path(path))
 
 
 def pose_error_curves(
-    times: Sequence[int], errors: Array, deviations: Array, path: str | os.PathLike[str]
+    times: Sequence[int], errors: Floats, deviations: Floats, path: str | os.PathLike[str]
 ) -> None:
     """Draw how far off the estimated pose was, with the filter's own standard deviations.
 
@@ -82,15 +82,23 @@ def pose_error_curves(
         If the figure cannot be written.
     """
     figure = new_figure(8.0, 6.0)
-    names = ("along (units)", "across (units)", "heading (degrees)")
+    names = ("error along (units)", "error across (units)", "error of heading (°)")
     for index, (axis, name) in enumerate(zip(figure.subplots(3, 1, sharex=True), names, strict=True)):
         colour = LINE_COLOURS[index]
         band = 2.0 * deviations[:, index]
-        axis.fill_between(times, -band, band, color=colour, alpha=0.2, lw=0, label="±2 standard deviations")
-        axis.plot(times, errors[:, index], color=colour, linewidth=1.0, label="error of the estimate")
+        axis.fill_between(times, -band, band, color=colour, alpha=0.2, lw=0)
+        axis.plot(times, errors[:, index], color=colour, linewidth=1.0)
         axis.axhline(0.0, color="0.6", linewidth=0.6)
-        axis.set_ylabel(name, fontsize=8)
+        axis.set_ylabel(name, fontsize=9)
         axis.grid(color="0.93")
-    figure.axes[0].legend(fontsize=8, loc="upper left")
-    figure.axes[-1].set_xlabel("cycle")
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles = [
+        Line2D([], [], color="0.3", label="error: dead reckoning minus truth"),
+        Patch(color="0.8", label="±2 standard deviations, as the agent claims"),
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=2, fontsize=9)
+    figure.align_ylabels()
+    figure.axes[-1].set_xlabel("time (cycles)")
     save_figure(figure, Path(path))

@@ -10,16 +10,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agent.offline.summary import Cell, cell_name
-from agent.views.figures.canvas import LINE_COLOURS, draw_walls, new_figure, save_figure, set_lab_axes
+from agent.offline.summary import cell_name
+from agent.views.figures.canvas import (
+    LINE_COLOURS,
+    draw_walls,
+    label_outer,
+    new_figure,
+    save_figure,
+    set_lab_axes,
+    set_title,
+)
 from agent.views.figures.conepoint import nearest_point, sensor_point
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, ideal_reading
 from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.plaintext import plain
+from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 
 if TYPE_CHECKING:
-    from agent.offline.expected_readings import GroundTruth
+    from agent.offline.expected_readings import ExpectedReadings
 
 
 def wall_map(lab: Lab, path: str | os.PathLike[str]) -> None:
@@ -46,9 +56,17 @@ def wall_map(lab: Lab, path: str | os.PathLike[str]) -> None:
         axis.axvline(column * CELL_SIZE, color="0.9", linewidth=0.6, zorder=0)
     for row in range(1, lab.rows):
         axis.axhline(row * CELL_SIZE, color="0.9", linewidth=0.6, zorder=0)
+    box = {
+        "facecolor": "white",
+        "alpha": 0.75,
+        "edgecolor": "none",
+        "pad": 0.8,
+    }  # names stay legible on lines
     for number, target in enumerate(lab.targets):
         axis.add_patch(Circle((target.x, target.y), target.radius, facecolor="#d5ebf7", edgecolor="#56B4E9"))
-        axis.annotate(f"T{number}", (target.x, target.y - 0.45), ha="center", va="center", fontsize=7)
+        axis.annotate(
+            f"T{number}", (target.x, target.y - 0.5), ha="center", va="center", fontsize=9, bbox=box
+        )
     heights = [wall.height for wall in lab.walls if wall.height > 0]
     norm = Normalize(0.0, max([*heights, 4.0]))
     draw_walls(axis, lab)
@@ -62,12 +80,14 @@ def wall_map(lab: Lab, path: str | os.PathLike[str]) -> None:
     for number, beacon in enumerate(lab.beacons):
         axis.plot(beacon.x, beacon.y, "*", color=LINE_COLOURS[5], markersize=11, zorder=4)
         label = f"B{number} (height {beacon.height:g})"
-        axis.annotate(label, (beacon.x, beacon.y + 0.45), ha="center", va="center", fontsize=7, zorder=4)
+        axis.annotate(
+            label, (beacon.x, beacon.y + 0.5), ha="center", va="center", fontsize=9, zorder=5, bbox=box
+        )
     set_lab_axes(axis, lab.width, lab.height)
     size = f"{lab.width:g} x {lab.height:g} units, {lab.rows} x {lab.columns} cells"
-    axis.set_title(f"{lab.name}: {size}, {len(lab.walls)} walls", fontsize=10)
+    set_title(axis, f"{plain(lab.name, 40)}: {size}, {len(lab.walls)} walls")
     if len(set(heights)) > 1:
-        figure.colorbar(scale, ax=axis, shrink=0.7, fraction=0.03, pad=0.01).set_label("wall height")
+        figure.colorbar(scale, ax=axis, shrink=0.7, fraction=0.03, pad=0.01).set_label("wall height (units)")
     save_figure(figure, Path(path))
 
 
@@ -113,18 +133,20 @@ def sensor_cones(
         point = nearest_point(walls, x, y, direction, every_point=model == "cone")
         start = sensor_point(x, y, direction)
         if point is None:
-            axis.plot([], [], color=colour, label=f"sensor {number} at {angle:g}°: sees no wall")
+            axis.plot([], [], "o", color=colour, label=f"sensor {number} at {angle:g}°: sees no wall")
             continue
         distance = math.dist(point, start)
         draw_cone(axis, start, direction, distance, colour)
         axis.plot([start[0], point[0]], [start[1], point[1]], color=colour, linewidth=1.2, zorder=5)
         label = (
-            f"sensor {number} at {angle:g}°: distance {distance:.3f}, reading {ideal_reading(distance):.2f}"
+            f"sensor {number} at {angle:g}°: distance {distance:.3f} units, "
+            f"reading {ideal_reading(distance):.2f}"
         )
         axis.plot(*point, "o", color=colour, markersize=5, zorder=6, label=label)
     set_lab_axes(axis, lab.width, lab.height)
-    axis.set_title(f"{lab.name}, cell {cell_name(cell)}, heading {heading:g}°, model {model!r}", fontsize=10)
-    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+    sees = "nearest points of the whole cones" if model == "cone" else "what the simulator's sensors look at"
+    set_title(axis, f"{plain(lab.name, 40)}, cell {cell_name(cell)}, heading {heading:g}°; dots: {sees}")
+    figure.legend(loc="outside lower center", ncols=2, fontsize=9)
     save_figure(figure, Path(path))
 
 
@@ -187,15 +209,15 @@ def draw_cone(axis: Any, start: tuple[float, float], direction: float, distance:
     return axis.add_patch(wedge)
 
 
-def ground_truth_maps(
-    lab: Lab, truth: GroundTruth, angles: Sequence[float], path: str | os.PathLike[str]
+def expected_readings_maps(
+    lab: Lab, expected: ExpectedReadings, angles: Sequence[float], path: str | os.PathLike[str]
 ) -> None:
     """Draw what each sensor should read in every cell: one map a sensor, the value in each cell.
 
     Parameters
     ----------
     lab : Lab
-    truth : GroundTruth
+    expected : ExpectedReadings
     angles : sequence of float
         Mounting angles in degrees.
     path : path-like
@@ -208,19 +230,19 @@ def ground_truth_maps(
     """
     from matplotlib.colors import LogNorm
 
-    rows, columns, sensors = truth.readings.shape
+    rows, columns, sensors = expected.readings.shape
     width = 7.0 if columns <= 16 else 12.0
     down = math.ceil(sensors / 2)
-    figure = new_figure(2 * width + 0.8, down * (width * rows / columns + 0.5))
+    figure = new_figure(2 * width + 1.2, down * (width * rows / columns + 0.6), layout="compressed")
     axes = figure.subplots(down, 2, squeeze=False)
-    low, high = max(float(truth.readings.min()), 0.02), min(float(truth.readings.max()), 10.0)
+    low, high = max(float(expected.readings.min()), 0.02), min(float(expected.readings.max()), 10.0)
     norm = LogNorm(low, high, clip=True)
     image = None
     for sensor, axis in enumerate(axes.flat):
         if sensor >= sensors:
             axis.set_axis_off()
             continue
-        values = truth.readings[..., sensor]
+        values = expected.readings[..., sensor]
         extent = (0, columns * CELL_SIZE, 0, rows * CELL_SIZE)
         image = axis.imshow(values, origin="lower", extent=extent, cmap="cividis", norm=norm)
         draw_walls(axis, lab)
@@ -233,11 +255,12 @@ def ground_truth_maps(
                     f"{value:.2f}" if value < 9.995 else f"{value:.0f}",
                     ha="center",
                     va="center",
-                    fontsize=7 if columns <= 16 else 5,
+                    fontsize=8 if columns <= 16 else 6,
                     color="black" if norm(value) > 0.55 else "white",
                 )
         set_lab_axes(axis, lab.width, lab.height)
-        axis.set_title(f"sensor {sensor} at {angles[sensor]:g}°, heading 0°", fontsize=9)
+        axis.set_title(f"sensor {sensor} at {angles[sensor]:g}°, robot's heading 0°", fontsize=10)
+    label_outer(axes, sensors)
     if image is not None:
         bar = figure.colorbar(image, ax=axes, shrink=0.8, fraction=0.02, pad=0.01)
         bar.set_label("ideal reading, 1/distance (1/units)")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.checks import finite_array, where
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +31,14 @@ class SegmentMap:
             or not len(segments)
             or not np.isfinite(segments).all()
         ):
-            raise ValueError(f"segments need shape (n, 4) and finite ends, not {segments.shape}")
+            wrong = ~np.isfinite(segments)
+            place = f"; entry {where(wrong)} is {segments[wrong].flat[0]}" if wrong.any() else ""
+            raise ValueError(f"segments need shape (n, 4) and finite ends, not {segments.shape}{place}")
         segments.setflags(write=False)
         object.__setattr__(self, "segments", segments)
 
     def cast(self, x: ArrayLike, y: ArrayLike, angle: ArrayLike, max_range: float = np.inf) -> FloatArray:
-        """Give the range of rays to the nearest segment.
+        """Compute the range of rays to the nearest segment.
 
         Parameters
         ----------
@@ -49,9 +52,19 @@ class SegmentMap:
         FloatArray
             The broadcast shape. A ray that runs exactly along a segment does not hit it, but those that meet
             its ends.
+
+        Raises
+        ------
+        ValueError
+            If a coordinate or angle is not finite, or the longest range not positive.
         """
+        if not max_range > 0.0:
+            raise ValueError(f"max_range must be positive, not {max_range}")
         x, y, angle = np.broadcast_arrays(
-            *(np.asarray(v, dtype=float)[..., np.newaxis] for v in (x, y, angle))
+            *(
+                finite_array(values, what=name)[..., np.newaxis]
+                for name, values in (("x", x), ("y", y), ("angles", angle))
+            )
         )
         ax, ay, bx, by = self.segments.T
         ux, uy = np.cos(angle), np.sin(angle)

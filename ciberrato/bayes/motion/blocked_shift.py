@@ -9,14 +9,15 @@ This is grid localization (Probabilistic Robotics, table 8.1) with a map-depende
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray
+from ciberrato.bayes.motion.inputs import check_belief, whole_number
 
 Direction = Literal["east", "west", "north", "south"]
 BlockedPolicy = Literal["stay", "lose"]
@@ -115,10 +116,12 @@ class BlockedShift:
     def __post_init__(self) -> None:
         if self.blocked not in ("stay", "lose"):
             raise ValueError(f"blocked mass can stay or be lost, not {self.blocked!r}")
-        if any(p < 0.0 for p in self.arrival.values()) or abs(sum(self.arrival.values()) - 1.0) > 1e-9:
+        slips = {whole_number(k, "a slip"): p for k, p in self.arrival.items()}
+        object.__setattr__(self, "arrival", slips)
+        if not all(p >= 0.0 for p in slips.values()) or not abs(sum(slips.values()) - 1.0) <= 1e-9:
             raise ValueError(f"arrival probabilities must be 0 or more and sum to 1: {dict(self.arrival)}")
 
-    def predict(self, belief: ArrayLike, control: tuple[Direction, int] | Direction) -> FloatArray:
+    def predict(self, belief: ArrayLike, control: Sequence[Any] | Direction) -> FloatArray:
         """Move a belief.
 
         Parameters
@@ -138,17 +141,24 @@ class BlockedShift:
         ValueError
             If the shape, the direction or the number of steps is wrong.
         """
-        direction, steps = (control, 1) if isinstance(control, str) else control
-        belief = np.asarray(belief, dtype=float)
+        command = (control, 1) if isinstance(control, str) else tuple(control)
+        if len(command) != 2:
+            raise ValueError(f"a command is a direction, or a direction and steps, not {control!r}")
+        direction, steps = command[0], whole_number(command[1], "a number of steps")
+        belief = check_belief(belief)
         if belief.shape != self.openings.shape:
             raise ValueError(f"belief has shape {belief.shape}, the grid {self.openings.shape}")
         if direction not in _STEPS:
             raise ValueError(f"no direction {direction!r}; there are {', '.join(_STEPS)}")
         if steps < 0:
             raise ValueError(f"a number of steps is 0 or more, not {steps}")
+        size = self.openings.east.shape[0] if _STEPS[direction][0] == 0 else self.openings.north.shape[1]
         chance: dict[int, float] = {}
         for slip, probability in self.arrival.items():
             made = max(0, steps + slip)
+            # After as many steps as there are cells what is stopped has stopped, and the rest goes round.
+            if made > size:
+                made = size + (made - size) % size
             chance[made] = chance.get(made, 0.0) + probability
         result = np.zeros_like(belief)
         moving = belief

@@ -9,6 +9,7 @@ section 8.2.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.convolution import Edge, Kernel, convolve, gaussian_kernel, whole_steps
+from ciberrato.bayes.motion.inputs import check_belief
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,17 +45,19 @@ class GaussianShift:
     tail: float = 1e-9
 
     def __post_init__(self) -> None:
-        if not self.cell > 0.0 or not self.sigma >= 0.0:
-            raise ValueError(f"need a positive cell and a sigma of 0 or more, not {self.cell}, {self.sigma}")
+        if not 0.0 < self.cell < math.inf or not 0.0 <= self.sigma < math.inf:
+            raise ValueError(
+                f"need a positive cell and a sigma of 0 or more, both finite, not {self.cell}, {self.sigma}"
+            )
 
     def kernel(self, control: float) -> Kernel:
         """Give the distribution of a displacement, with what was cut off or spread too far."""
-        return gaussian_kernel(control / self.cell, (self.sigma / self.cell) ** 2, tail=self.tail)
+        return gaussian_kernel(self._cells(control), (self.sigma / self.cell) ** 2, tail=self.tail)
 
     def predict(self, belief: ArrayLike, control: float) -> FloatArray:
-        """Move a belief by `control` units."""
+        """Move a belief by `control` units; small steps spread it (`kernel(control).excess_variance`)."""
         kernel = self.kernel(control)
-        return convolve(belief, kernel.weights, kernel.first, edge=self.edge, axis=self.axis)
+        return convolve(check_belief(belief), kernel.weights, kernel.first, edge=self.edge, axis=self.axis)
 
     def predict_carried(self, belief: ArrayLike, control: float, carry: float) -> tuple[FloatArray, float]:
         """Move a belief by whole cells and carry the fraction over.
@@ -72,7 +76,14 @@ class GaussianShift:
         carry : float
             Within half a cell.
         """
-        steps, left = whole_steps(control / self.cell, carry / self.cell)
+        steps, left = whole_steps(self._cells(control), carry / self.cell)
         kernel = gaussian_kernel(0.0, (self.sigma / self.cell) ** 2, tail=self.tail)
-        moved = convolve(belief, kernel.weights, kernel.first + steps, edge=self.edge, axis=self.axis)
+        moved = convolve(
+            check_belief(belief), kernel.weights, kernel.first + steps, edge=self.edge, axis=self.axis
+        )
         return np.asarray(moved), left * self.cell
+
+    def _cells(self, control: float) -> float:
+        if not math.isfinite(control):
+            raise ValueError(f"a displacement must be finite, not {control}")
+        return float(control) / self.cell

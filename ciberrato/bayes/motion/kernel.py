@@ -7,7 +7,8 @@ Probabilistic Robotics, table 4.1 line 3 with a motion model that is the same ev
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,9 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.convolution import Edge, convolve_all
+from ciberrato.bayes.motion.inputs import check_belief, look_up, whole_numbers
+
+_MOST_CELLS = 10_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,22 +39,30 @@ class CommandKernel:
 
     def __post_init__(self) -> None:
         weights = np.array(self.weights, dtype=float)
-        if weights.ndim != len(self.first):
+        first = whole_numbers(self.first, "a displacement")
+        if weights.ndim != len(first):
             raise ValueError(f"a kernel of {weights.ndim} axes needs as many first displacements")
         if not (weights >= 0.0).all() or abs(weights.sum() - 1.0) > 1e-9:
             raise ValueError(f"kernel weights must be 0 or more and sum to 1, not {weights.sum()}")
         weights.setflags(write=False)
         object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "first", first)
 
     @classmethod
-    def from_displacements(cls, probability: Mapping[tuple[int, ...], float]) -> CommandKernel:
-        """Make a kernel from {displacement: probability}."""
-        places = np.array(list(probability))
-        first = places.min(axis=0)
-        weights = np.zeros(places.max(axis=0) - first + 1)
-        for place, value in probability.items():
-            weights[tuple(np.subtract(place, first))] = value
-        return cls(weights=weights, first=tuple(int(i) for i in first))
+    def from_displacements(cls, probability: Mapping[Any, float]) -> CommandKernel:
+        """Make a kernel from {displacement: probability}; a displacement is a tuple of ints, or one int."""
+        places = {whole_numbers(place, "a displacement"): p for place, p in probability.items()}
+        if len({len(place) for place in places}) != 1 or len(places) < len(probability):
+            raise ValueError("a kernel needs displacements, all different and of as many axes")
+        first = tuple(min(along) for along in zip(*places, strict=True))
+        last = tuple(max(along) for along in zip(*places, strict=True))
+        shape = [b - a + 1 for a, b in zip(first, last, strict=True)]
+        if math.prod(shape) > _MOST_CELLS:
+            raise ValueError(f"displacements from {first} to {last} cells are too far apart for a kernel")
+        weights = np.zeros(shape)
+        for place, value in places.items():
+            weights[tuple(i - a for i, a in zip(place, first, strict=True))] = value
+        return cls(weights=weights, first=first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +72,7 @@ class KernelMotion:
     Attributes
     ----------
     kernels : mapping of command to CommandKernel
-        Any hashable commands.
+        Any hashable commands; lists and arrays mean the tuple of their elements.
     edges : tuple of {"wrap", "stay", "lose"}
         One for each axis of the belief.
     """
@@ -68,11 +80,7 @@ class KernelMotion:
     kernels: Mapping[Any, CommandKernel]
     edges: tuple[Edge, ...]
 
-    def predict(self, belief: ArrayLike, control: Hashable) -> FloatArray:
+    def predict(self, belief: ArrayLike, control: Any) -> FloatArray:
         """Move a belief by the kernel of a command; ValueError if there is none."""
-        if control not in self.kernels:
-            raise ValueError(
-                f"no kernel for command {control!r}; there are {', '.join(map(repr, self.kernels))}"
-            )
-        kernel = self.kernels[control]
-        return convolve_all(belief, kernel.weights, kernel.first, edges=self.edges)
+        kernel = look_up(self.kernels, control, "kernel")
+        return convolve_all(check_belief(belief), kernel.weights, kernel.first, edges=self.edges)

@@ -1,21 +1,25 @@
-r"""Odometry as turn, drive, turn with Gaussian noise, as a density over the end pose.
+r"""Odometry as turn, drive, turn with Gaussian noise.
 
 From :math:`(x, y, \theta)` the robot turns by :math:`\delta_1`, drives :math:`\tau` and turns by
-:math:`\delta_2`, each normal about the odometry's figure. The end pose at distance r and direction
-:math:`\phi` from the start can be reached driving forward or, where the noise makes :math:`\tau` negative,
-backward:
+:math:`\delta_2`, each normal about the odometry's figure (Probabilistic Robotics, table 5.6). The prediction
+has this model's mean and variance, made by the passes of `ciberrato.bayes.motion.turn_drive_turn`.
+
+The density over the end pose itself is taken at the centres of the cells where `normalized` is false. The end
+pose at distance r and direction :math:`\phi` from the start can be reached driving forward or, where the
+noise makes :math:`\tau` negative, backward:
 
 .. math::
    p(x', y', \theta' | u, x, y, \theta) = \frac1r \sum_{s = \pm 1} N(s r; \tau, \sigma_\tau^2)\,
        W(\phi_s - \theta - \delta_1; \sigma_1^2)\, W(\theta' - \phi_s - \delta_2; \sigma_2^2)
 
 with W the normal distribution wound round the circle and :math:`\phi_{-1} = \phi + \pi`. 1 / r is the
-Jacobian of polar coordinates, which the product in Probabilistic Robotics, table 5.5 leaves out;
-`density="book"` leaves it out too, and the backward way. Sampling (table 5.6) draws from the former.
+Jacobian of polar coordinates, which the product in table 5.5 leaves out; `density="book"` leaves it out too,
+and the backward way. Sampling (table 5.6) draws from the former.
 
 The sum over all pairs of cells needs no loop over pairs: the density is A(d) B(d, heading before) C(d,
 heading after) for a displacement d, so that a prediction is one matrix product, a shift of each of its rows,
-and a second matrix product. That is exact.
+and a second matrix product. That is exact; but what is near the start is seen from the centre of a cell, so
+that the mean falls short by a twentieth of a cell where ways and noise are a cell or two.
 """
 
 from __future__ import annotations
@@ -29,7 +33,10 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.angles import wrapped_normal
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
 from ciberrato.bayes.motion.displacements import Displacements, displacements
+from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.odometry_reading import OdometryNoise, OdometryReading, Prediction
+from ciberrato.bayes.motion.passes import PoseCarry, check_motion, check_space
+from ciberrato.bayes.motion.turn_drive_turn import TurnDriveTurn
 from ciberrato.bayes.spaces import StateSpace
 
 __all__ = ["GaussianOdometry", "OdometryNoise", "OdometryReading", "Prediction"]
@@ -40,32 +47,36 @@ Density = Literal["pose", "book"]
 # slices.
 _TABLE_LIMIT = 1_000_000
 _BLOCK = 64
+# Noise that the densities need, in cells.
+_FINEST = 0.6
 
 
 class GaussianOdometry:
     """Turn, drive, turn over an (x, y, heading) grid.
 
-    Mass that leaves the grid is lost. The density is taken at the centres of the cells, and of parts of those
-    that are near against the noise of the first turn. The noise of the drive should be at least 0.6 cells,
-    and that of the last turn 0.6 heading cells. For finer noise see `ciberrato.bayes.motion.turn_drive_turn`.
+    Mass that leaves the grid is lost. Mean and variance are right for ways and noise of any size, as far as
+    cells can have them (`ciberrato.bayes.motion.turn_drive_turn` says how far), and `predict_carried` for any
+    number of steps finer than the cells. The densities need a drive's noise of 0.6 cells and turns' noise of
+    0.6 heading cells, and are a ValueError below.
 
     Parameters
     ----------
     space : StateSpace
         Three axes, in the order x, y, heading; the last periodic over a whole turn.
     noise : OdometryNoise
-        Standard deviations.
-    density : {"pose", "book"}
-        The density over the end pose, or the product of table 5.5.
+        Standard deviations; may be 0 without a density.
+    density : {"pose", "book"}, optional
+        Take the density over the end pose, or the product of table 5.5, at the centres of the cells, and of
+        parts of those that are near against the noise of the first turn.
     window : float, optional
         Leave out displacements whose distance is more than this many sigmas from the drive; all count if
         None.
     skip_below : float
         Leave out start states with less mass than this.
     normalized : bool
-        Divide by `kernel_mass`, so that each state's kernel sums to 1 before the edges take their part.
-        Otherwise headings along the grid's axes and between them gain and lose mass where the noise is as
-        fine as the cells.
+        Divide a density by `kernel_mass`, so that each state's kernel sums to 1 before the edges take their
+        part. Otherwise headings along the grid's axes and between them gain and lose mass where the noise is
+        as fine as the cells. False asks for the density "pose" if none is named.
     """
 
     def __init__(
@@ -73,34 +84,39 @@ class GaussianOdometry:
         space: StateSpace,
         noise: OdometryNoise,
         *,
-        density: Density = "pose",
+        density: Density | None = None,
         window: float | None = None,
         skip_below: float = 0.0,
         normalized: bool = True,
     ) -> None:
-        if len(space.axes) != 3 or not math.isclose(space.axes[2].length, 2.0 * math.pi):
-            raise ValueError("odometry needs axes x, y, heading, the last over a whole turn")
-        if density not in ("pose", "book"):
-            raise ValueError(f"the density is 'pose' or 'book', not {density!r}")
+        check_space(space, "odometry")
+        if density not in (None, "pose", "book"):
+            raise ValueError(f"the density is 'pose', 'book' or None, not {density!r}")
         if (window is not None and not window > 0.0) or not skip_below >= 0.0:
             raise ValueError("the window must be positive and the mass to skip 0 or more")
         self.space = space
         self.noise = noise
-        self.density: Density = density
+        self.density: Density | None = "pose" if density is None and not normalized else density
         self.window = window
         self.skip_below = skip_below
         self.normalized = normalized
+        self._passes = TurnDriveTurn(space=space, noise=noise, window=6.1)
         self._headings = space.axes[2].centres
         self._cell = (space.axes[0].cell, space.axes[1].cell)
         self._reach = (space.shape[0] - 1, space.shape[1] - 1)
+        self._finest: float | None = None
+        if self.density is not None:
+            self._prepare()
+
+    def _prepare(self) -> None:
         # The book's density belongs to the cell centres.
-        self._finest = _finest_turn(noise) if density == "pose" else None
+        self._finest = _finest_turn(self.noise) if self.density == "pose" else None
         self._all = displacements(self._reach, self._cell, rotation=self._finest)
         self._beyond: dict[tuple[int, int], Displacements] = {}
         self._forward, self._backward = self._source_tables()
         # Work space: a fresh array of this size costs more in page faults than the arithmetic on it.
         count, cells = self._forward.shape
-        self._padded = np.zeros((cells + 1, space.shape[2]))
+        self._padded = np.zeros((cells + 1, self.space.shape[2]))
         self._spread, self._moved, self._other = (np.zeros((count, cells + 1 - k)) for k in (0, 1, 1))
 
     def _source_tables(self) -> tuple[IntArray, IntArray]:
@@ -137,14 +153,17 @@ class GaussianOdometry:
         -------
         Prediction
         """
-        belief = np.asarray(belief, dtype=float)
-        if belief.shape != self.space.shape:
-            raise ValueError(f"belief has shape {belief.shape}, the space {self.space.shape}")
+        belief = check_belief(belief, self.space.shape)
         skipped = 0.0
         if self.skip_below > 0.0:
             small = belief < self.skip_below
             skipped = float(belief[small].sum())
             belief = np.where(small, 0.0, belief)
+        if self.density is None:
+            moved = self._passes.predict_with_losses(belief, control, cut=self.window)
+            truncated = 0.0 if self.window is None else moved.truncated
+            return Prediction(moved.belief, skipped, truncated)
+        self._check_fineness(control)
         chosen, truncated = self._window(control)
         steps = self._all.take(chosen)
         before, after, forward, backward = factors = self._factors(steps, control)
@@ -160,8 +179,31 @@ class GaussianOdometry:
             predicted = self._by_slices(belief, steps, before, after, forward, backward)
         return Prediction(predicted, skipped, truncated)
 
+    def predict_carried(
+        self, belief: ArrayLike, control: OdometryReading, carry: PoseCarry
+    ) -> tuple[FloatArray, PoseCarry]:
+        """Move a belief by whole cells and carry the fractions over, as `TurnDriveTurn.predict_carried`."""
+        return self._passes.predict_carried(belief, control, carry)
+
+    def _check_fineness(self, control: OdometryReading) -> None:
+        """Raise ValueError where the density at cell centres is not the distribution over the cells."""
+        rot1, trans, rot2 = self.noise.sigmas(control)
+        check_motion(self.space, [control.trans], [control.rot1, control.rot2], [trans])
+        cell, turn = max(self._cell), self.space.axes[2].cell
+        if trans < (1.0 - 1e-9) * _FINEST * cell or min(rot1, rot2) < (1.0 - 1e-9) * _FINEST * turn:
+            raise ValueError(
+                f"noise of {trans:g} and {min(rot1, rot2):g} rad is finer than {_FINEST} cells of {cell:g} "
+                f"and {turn:g} rad: leave `density` and `normalized` out, or take smaller cells"
+            )
+
     def kernel_mass(self, control: OdometryReading) -> FloatArray:
-        """Give the density's sum over an unbounded grid for each heading before, (headings,); ideally 1."""
+        """Give the density's sum over an unbounded grid for each heading before, (headings,); ideally 1.
+
+        1 without a density.
+        """
+        if self.density is None:
+            return np.ones(len(self._headings))
+        self._check_fineness(control)
         factors = self._factors(self._all, control)
         return self._sum_within(factors) + self._sum_beyond(control)
 

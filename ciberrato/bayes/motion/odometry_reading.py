@@ -33,19 +33,48 @@ class OdometryReading:
     rot2: float = 0.0
 
     @classmethod
-    def between(cls, before: ArrayLike, after: ArrayLike) -> OdometryReading:
-        """Give the motion between two odometry poses (x, y, heading): table 5.5, lines 2 to 4."""
+    def between(cls, before: ArrayLike, after: ArrayLike, *, threshold: float = 1e-3) -> OdometryReading:
+        """Give the motion between two odometry poses (x, y, heading): table 5.5, lines 2 to 4.
+
+        Parameters
+        ----------
+        before, after : array_like, shape (3,)
+            Finite.
+        threshold : float
+            Of a way shorter than this the direction means nothing, it may be jitter: then the first turn is
+            0, the way is what of it lies along the heading (negative for backward), and all of the turn comes
+            after. In units of length; amcl and beluga take 0.01 m.
+        """
         x0, y0, heading0 = (float(v) for v in np.asarray(before))
         x1, y1, heading1 = (float(v) for v in np.asarray(after))
-        trans = math.hypot(x1 - x0, y1 - y0)
-        # Without any way driven the direction means nothing: then all of the turn comes after.
-        rot1 = float(wrap(math.atan2(y1 - y0, x1 - x0) - heading0)) if trans > 0.0 else 0.0
-        return cls(rot1=rot1, trans=trans, rot2=float(wrap(heading1 - heading0 - rot1)))
+        dx, dy = x1 - x0, y1 - y0
+        trans, turn = math.hypot(dx, dy), heading1 - heading0
+        if not math.isfinite(trans + turn):
+            raise ValueError(f"odometry poses must be finite, not {before!r} and {after!r}")
+        if trans < threshold:
+            along = dx * math.cos(heading0) + dy * math.sin(heading0)
+            return cls(rot1=0.0, trans=along, rot2=float(wrap(turn)))
+        rot1 = float(wrap(math.atan2(dy, dx) - heading0))
+        return cls(rot1=rot1, trans=trans, rot2=float(wrap(turn - rot1)))
+
+    def turns_made(self) -> tuple[float, float]:
+        """Give the turns before and after the drive that the robot makes, radians.
+
+        Driving backward is read as half a turn, a drive, and half a turn back. Where the first turn is more
+        than a quarter, the robot is taken to have driven backward: half a turn is left out of both.
+        """
+        if self.trans == 0.0 or abs(self.rot1) <= 0.5 * math.pi:
+            return self.rot1, self.rot2
+        half = math.copysign(math.pi, self.rot1)
+        return float(wrap(self.rot1 - half)), float(wrap(self.rot2 + half))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OdometryNoise:
     """Standard deviations of odometry: a constant part, and the book's alphas (table 5.5, lines 8 to 10).
+
+    The alphas count the turns that the robot makes (`OdometryReading.turns_made`): 0 for driving backward,
+    which the table's lines 2 to 4 read as two half turns.
 
     Attributes
     ----------
@@ -67,19 +96,19 @@ class OdometryNoise:
 
     def __post_init__(self) -> None:
         for name in ("rotation", "translation", "alpha1", "alpha2", "alpha3", "alpha4"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be finite and 0 or more, not {getattr(self, name)}")
 
     def sigmas(self, reading: OdometryReading) -> tuple[float, float, float]:
-        """Give the standard deviations of rot1, trans and rot2; ValueError if one is 0."""
-        drive = reading.trans**2
-        turns = reading.rot1**2, reading.rot2**2
+        """Give the standard deviations of rot1, trans and rot2, 0 or more; ValueError for nan or infinity."""
+        if not all(math.isfinite(v) for v in (reading.rot1, reading.trans, reading.rot2)):
+            raise ValueError(f"an odometry reading must be finite, not {reading}")
+        drive = reading.trans * reading.trans
+        turns = [turn * turn for turn in reading.turns_made()]
         rot1, rot2 = (
             math.sqrt(self.rotation**2 + self.alpha1 * turn + self.alpha2 * drive) for turn in turns
         )
         trans = math.sqrt(self.translation**2 + self.alpha3 * drive + self.alpha4 * sum(turns))
-        if min(rot1, trans, rot2) == 0.0:
-            raise ValueError("odometry needs some noise in each of its three parts to have a density")
         return rot1, trans, rot2
 
 

@@ -8,7 +8,6 @@ with a deterministic motion model.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.convolution import EDGES, Edge, fold
+from ciberrato.bayes.motion.inputs import check_belief, whole_numbers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,15 +35,18 @@ class Shift:
             if edge not in EDGES:
                 raise ValueError(f"no edge {edge!r}; there are {', '.join(EDGES)}")
 
-    def predict(self, belief: ArrayLike, control: Sequence[int] | int) -> FloatArray:
-        """Shift a belief by `control` cells, one number for each axis, or the only one."""
-        steps = (control,) if isinstance(control, int) else tuple(control)
-        result = np.asarray(belief, dtype=float)
+    def predict(self, belief: ArrayLike, control: ArrayLike) -> FloatArray:
+        """Shift a belief by `control` cells, a whole number for each axis, or the only one."""
+        steps = whole_numbers(control, "a step")
+        result = check_belief(belief)
         if not result.ndim == len(steps) == len(self.edges):
-            raise ValueError(f"a belief of {result.ndim} axes needs as many steps and edges")
+            raise ValueError(
+                f"a belief of {result.ndim} axes needs as many steps and edges, not {len(steps)} and "
+                f"{len(self.edges)}"
+            )
         for axis, (step, edge) in enumerate(zip(steps, self.edges, strict=True)):
             if edge == "wrap":
-                result = np.roll(result, step, axis=axis)
+                result = np.roll(result, step % result.shape[axis], axis=axis)
             else:
                 result = fold(result, step, result.shape[axis], edge, axis)
         return np.array(result)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.motion.inputs import check_belief, look_up
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,25 +26,30 @@ class TransitionMatrix:
     Attributes
     ----------
     matrices : mapping of command to matrix
-        Numpy arrays or scipy sparse matrices, (states, states), entries 0 or more, row sums 1 at the most
-        (what is missing is lost).
+        Any hashable commands; lists and arrays mean the tuple of their elements. Numpy arrays or scipy sparse
+        matrices, (states, states), entries 0 or more, row sums 1 at the most (what is missing is lost).
     """
 
     matrices: Mapping[Any, Any]
 
     def __post_init__(self) -> None:
         for command, matrix in self.matrices.items():
+            if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+                raise ValueError(f"the matrix for {command!r} is not square: its shape is {matrix.shape}")
             sums = np.asarray(matrix.sum(axis=1)).ravel()
-            if matrix.shape[0] != matrix.shape[1] or matrix.min() < 0.0 or not (sums <= 1.0 + 1e-9).all():
+            if not matrix.min() >= 0.0 or not (sums <= 1.0 + 1e-9).all():
                 raise ValueError(
-                    f"the matrix for {command!r} is not square, has a negative entry or a row above 1"
+                    f"the matrix for {command!r} has an entry that is negative or nan, or a row above 1"
                 )
 
     def predict(self, belief: ArrayLike, control: Any) -> FloatArray:
         """Move a belief of any shape by the matrix of a command."""
-        belief = np.asarray(belief, dtype=float)
+        belief = check_belief(belief)
+        matrix = look_up(self.matrices, control, "matrix")
+        if matrix.shape[0] != belief.size:
+            raise ValueError(f"a belief of {belief.size} states does not fit a matrix of {matrix.shape}")
         # Transposed from the left, which scipy's sparse matrices and numpy's dense ones both understand.
-        return np.asarray(self.matrices[control].T @ belief.ravel()).reshape(belief.shape)
+        return np.asarray(matrix.T @ belief.ravel()).reshape(belief.shape)
 
 
 def transition_matrix(

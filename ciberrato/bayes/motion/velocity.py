@@ -1,18 +1,23 @@
-r"""Driving an arc at commanded speeds, with Gaussian noise, as a density over the end pose.
+r"""Driving an arc at commanded speeds, with Gaussian noise.
 
 The robot drives the length :math:`s = \hat v\,\Delta t` while it turns by :math:`\alpha = \hat\omega\,\Delta
-t`, and turns by another :math:`\gamma` at the end, each normal about the command's figure. The arc's chord
-has the length :math:`r = s \sin(\alpha/2) / (\alpha/2)` and the direction :math:`\theta + \alpha/2`. For a
-displacement (r, :math:`\phi`) that leaves two ways, forward with :math:`\alpha = 2 (\phi - \theta)` and
-backward with :math:`\alpha = 2 (\phi + \pi - \theta)`, each angle wrapped before it is doubled. With
-:math:`\beta = \alpha/2` and the Jacobian of (s, :math:`\alpha`) to (x, y),
+t`, and turns by another :math:`\gamma` at the end, each normal about the command's figure (Probabilistic
+Robotics, table 5.3). The arc's chord has the length :math:`r = s \sin(\alpha/2) / (\alpha/2)` and the
+direction :math:`\theta + \alpha/2`. So the prediction is a sum over turns :math:`\alpha` in whole heading
+cells about the command's, each of which moves its share along its chord by :math:`N(r; \sigma_r^2)`, and a
+turn by :math:`\gamma` and what the command leaves of a heading cell. Mean and variance are those of the
+model, as far as cells can have them: `ciberrato.bayes.motion.turn_drive_turn` says how far.
+
+`kernel` is the density over the end pose at the centres of the cells. For a displacement (r, :math:`\phi`)
+there are two ways, forward with :math:`\alpha = 2 (\phi - \theta)` and backward with :math:`\alpha =
+2 (\phi + \pi - \theta)`, each angle wrapped before it is doubled. With :math:`\beta = \alpha/2` and the
+Jacobian of (s, :math:`\alpha`) to (x, y),
 
 .. math::
    p(x', y', \theta' | u, x, y, \theta) = \sum_{\text{ways}} N(s; v \Delta t)\, N(2\beta; \omega \Delta t)\,
      W(\theta' - \theta - 2\beta)\, \frac{2 \beta}{r \sin\beta}
 
-Probabilistic Robotics, tables 5.1 (whose product leaves the Jacobian out) and 5.3 (which samples from this).
-Arcs of more than one full turn are left out.
+Table 5.1 leaves the Jacobian out. Arcs of more than one full turn are left out of the density.
 """
 
 from __future__ import annotations
@@ -26,6 +31,21 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.angles import wrap, wrapped_normal
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
 from ciberrato.bayes.motion.displacements import displacements
+from ciberrato.bayes.motion.inputs import check_belief
+from ciberrato.bayes.motion.lattice import lattice_kernels
+from ciberrato.bayes.motion.passes import (
+    PoseCarry,
+    check_motion,
+    check_space,
+    directions_per_heading,
+    move,
+    move_carried,
+    reach,
+    spread,
+    turn_carried,
+    turn_matrix,
+    ways,
+)
 from ciberrato.bayes.motion.pose_kernel import apply_pose_kernel
 from ciberrato.bayes.spaces import StateSpace
 
@@ -49,8 +69,8 @@ class VelocityCommand:
     duration: float = 1.0
 
     def __post_init__(self) -> None:
-        if not self.duration > 0.0:
-            raise ValueError(f"a duration must be positive, not {self.duration}")
+        if not 0.0 < self.duration < math.inf:
+            raise ValueError(f"a duration must be positive and finite, not {self.duration}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,19 +98,23 @@ class VelocityNoise:
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} must be 0 or more, not {getattr(self, name)}")
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be finite and 0 or more, not {getattr(self, name)}")
 
     def sigmas(self, command: VelocityCommand) -> tuple[float, float, float]:
-        """Give the standard deviations of the way, the turn and the final turn; ValueError if one is 0."""
-        v2, w2 = command.speed**2, command.turning**2
+        """Give the standard deviations of the way, the turn and the final turn, 0 or more.
+
+        Raises
+        ------
+        ValueError
+            If the command is not finite.
+        """
+        if not (math.isfinite(command.speed) and math.isfinite(command.turning)):
+            raise ValueError(f"a velocity command must be finite, not {command}")
+        v2, w2 = command.speed * command.speed, command.turning * command.turning
         speed = math.sqrt(self.speed**2 + self.alpha1 * v2 + self.alpha2 * w2)
         turning = math.sqrt(self.turning**2 + self.alpha3 * v2 + self.alpha4 * w2)
         final = math.sqrt(self.final**2 + self.alpha5 * v2 + self.alpha6 * w2)
-        if min(speed, turning, final) == 0.0:
-            raise ValueError(
-                "a velocity command needs some noise in each of its three parts to have a density"
-            )
         return speed * command.duration, turning * command.duration, final * command.duration
 
 
@@ -98,34 +122,143 @@ class VelocityNoise:
 class VelocityMotion:
     """Arcs over an (x, y, heading) grid.
 
-    The density is taken at the cell centres: noise should not be much finer than the cells. Mass that leaves
-    the grid is lost. For grids of up to some ten thousand states: the kernel depends on displacement and both
-    headings together.
+    Mass that leaves the grid is lost.
 
     Attributes
     ----------
     space : StateSpace
         x, y, heading; the last periodic over a whole turn.
     noise : VelocityNoise
-        Standard deviations.
+        Standard deviations; may be 0. The turn's is two turns at the most.
     window : float
-        Leave out displacements longer than the way commanded by more than this many sigmas; what that drops
-        is at most `erfc(window / sqrt 2)`.
+        Of the density: leave out displacements longer than the way commanded by more than this many sigmas;
+        what that drops is at most `erfc(window / sqrt 2)`.
+    density : bool
+        Predict by `kernel`, not normalized. It needs noise of 0.6 cells on the way, 0.6 heading cells in the
+        turn and the final turn, and grids of up to some ten thousand states: it depends on displacement and
+        both headings together.
     """
 
     space: StateSpace
     noise: VelocityNoise
     window: float = 6.0
+    density: bool = False
 
     def __post_init__(self) -> None:
-        if len(self.space.axes) != 3 or not math.isclose(self.space.axes[2].length, 2.0 * math.pi):
-            raise ValueError("velocities need axes x, y, heading, the last over a whole turn")
+        check_space(self.space, "velocity motion")
         if not self.window > 0.0:
             raise ValueError(f"the window must be positive, not {self.window}")
 
+    def predict(self, belief: ArrayLike, control: VelocityCommand) -> FloatArray:
+        """Move a belief, shape (x, y, heading), by a command. Not normalized.
+
+        Raises
+        ------
+        ValueError
+            If the belief has the wrong shape or is no belief, or the command is not finite, longer than the
+            grid, or more than ten turns.
+        """
+        belief = check_belief(belief, self.space.shape)
+        if self.density:
+            return apply_pose_kernel(belief, *self.kernel(control))
+        way_sigma, turn_sigma, final_sigma = self._sigmas(control)
+        axis, way = self.space.axes[2], control.speed * control.duration
+        # Chords turn by half of what the heading does.
+        parts = directions_per_heading(self.space, 0.5 * way, final_sigma)
+        step, weight, left, turn = self._turns(control, turn_sigma, parts, 0.0)
+        images = np.ascontiguousarray(np.moveaxis(belief, 2, 0))
+        source = np.repeat(np.arange(axis.size), len(step))
+        target = (source * parts + np.tile(step, axis.size)) % (axis.size * parts)
+        mean, covariance = self._chords(way, way_sigma, axis.centres[source], np.tile(turn, axis.size))
+        kernels = lattice_kernels(mean, covariance, reach=reach(self.space))
+        moved = move(images, kernels, source, target, np.tile(weight, axis.size), axis.size * parts)
+        last = turn_matrix(axis.size, left / axis.cell, final_sigma / axis.cell, before=parts)
+        return np.asarray((moved.reshape(len(moved), -1).T @ last).reshape(belief.shape))
+
+    def predict_carried(
+        self, belief: ArrayLike, control: VelocityCommand, carry: PoseCarry
+    ) -> tuple[FloatArray, PoseCarry]:
+        """Move a belief by whole cells and carry the fractions over, so that small steps add no spread.
+
+        Parameters
+        ----------
+        belief : array_like, shape (x, y, heading)
+            A cell stands for its centre plus the carry's offset and turn.
+        control : VelocityCommand
+            Speeds commanded.
+        carry : PoseCarry
+            `PoseCarry.none(space)` at first, then what the last call returned.
+
+        Returns
+        -------
+        belief : FloatArray, shape (x, y, heading)
+        carry : PoseCarry
+        """
+        belief = check_belief(belief, self.space.shape)
+        way_sigma, turn_sigma, final_sigma = self._sigmas(control)
+        axis, cells = self.space.axes[2], np.array([axis.cell for axis in self.space.axes[:2]])
+        step, weight, left, turn = self._turns(control, turn_sigma, 1, carry.turn)
+        source = np.repeat(np.arange(axis.size), len(step))
+        target = (source + np.tile(step, axis.size)) % axis.size
+        mean, covariance = self._chords(
+            control.speed * control.duration,
+            way_sigma,
+            axis.centres[source] + carry.turn,
+            np.tile(turn, axis.size),
+        )
+        images, offset = move_carried(
+            np.moveaxis(belief, 2, 0),
+            carry.offset / cells,
+            source,
+            target,
+            np.tile(weight, axis.size),
+            mean,
+            covariance,
+        )
+        images, offset, left = turn_carried(self.space, images, offset, left, 0.0, final_sigma)
+        return np.ascontiguousarray(np.moveaxis(images, 0, 2)), PoseCarry(left, offset * cells)
+
+    def _sigmas(self, control: VelocityCommand) -> tuple[float, float, float]:
+        sigmas = self.noise.sigmas(control)
+        way, turn = control.speed * control.duration, control.turning * control.duration
+        check_motion(self.space, [way], [turn], [sigmas[0]])
+        if sigmas[1] > 4.0 * math.pi:
+            raise ValueError(
+                f"a standard deviation of {sigmas[1]:g} rad is more than two turns: is it in radians?"
+            )
+        return sigmas
+
+    def _turns(
+        self, control: VelocityCommand, sigma: float, parts: int, turned: float
+    ) -> tuple[IntArray, FloatArray, float, FloatArray]:
+        """Give turns in parts of a heading cell, their probabilities, what is left over, and their radians.
+
+        The turn left over is added to all; `turned` is what was left over before.
+        """
+        part = self.space.axes[2].cell / parts
+        turn = control.turning * control.duration
+        steps = round((turn + turned) / part)
+        step, weight = spread(sigma / part)
+        return step + steps, weight, turn + turned - steps * part, np.asarray(turn + step * part)
+
+    def _chords(
+        self, way: float, sigma: float, heading: FloatArray, turn: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        chord = np.sinc(0.5 * turn / math.pi)
+        return ways(self.space, heading + 0.5 * turn, way * chord, sigma * np.abs(chord))
+
     def kernel(self, control: VelocityCommand) -> tuple[IntArray, FloatArray]:
-        """Give displacements, (n, 2) cells, and the kernel, (n, headings before, headings after)."""
-        way_sigma, turn_sigma, final_sigma = self.noise.sigmas(control)
+        """Give displacements, (n, 2) cells, and the density, (n, headings before, headings after).
+
+        ValueError where the noise is finer than 0.6 cells.
+        """
+        way_sigma, turn_sigma, final_sigma = self._sigmas(control)
+        least, bin_ = max(axis.cell for axis in self.space.axes[:2]), self.space.axes[2].cell
+        if way_sigma < 0.599 * least or min(turn_sigma, final_sigma) < 0.599 * bin_:
+            raise ValueError(
+                f"noise of {way_sigma:g} and {min(turn_sigma, final_sigma):g} rad is finer than 0.6 cells of "
+                f"{least:g} and {bin_:g} rad: leave `density` out, or take smaller cells"
+            )
         way, turn = control.speed * control.duration, control.turning * control.duration
         far = abs(way) + self.window * way_sigma
         cell = (self.space.axes[0].cell, self.space.axes[1].cell)
@@ -146,13 +279,6 @@ class VelocityMotion:
             final = headings - (headings[:, np.newaxis] + 2.0 * half_turn[:, :, np.newaxis])
             total += density[:, :, np.newaxis] * wrapped_normal(final, final_sigma) * self.space.axes[2].cell
         return steps.cells, total
-
-    def predict(self, belief: ArrayLike, control: VelocityCommand) -> FloatArray:
-        """Move a belief, shape (x, y, heading), by a command. Not normalized."""
-        belief = np.asarray(belief, dtype=float)
-        if belief.shape != self.space.shape:
-            raise ValueError(f"belief has shape {belief.shape}, the space {self.space.shape}")
-        return apply_pose_kernel(belief, *self.kernel(control))
 
 
 def _normal(value: FloatArray, sigma: float) -> FloatArray:

@@ -8,8 +8,8 @@ with noise normal about 1; the robot drives :math:`(p_l + p_r) / 2` along its ol
 :math:`(p_r - p_l) / \text{base}`. This is Probabilistic Robotics, section 5.3, for a robot that moves far
 less than a cell a cycle. Interpolating so small a motion between cells would spread the belief at every
 cycle; so the grid's headings carry one common offset, and each heading's image one offset of less than a
-cell, and only whole cells are moved. Noise is added as kernels with exact variance along x and along y; their
-covariance is left out.
+cell (`ciberrato.bayes.motion.passes`). The noise of way and turn comes from the same wheels: each turn, in
+whole heading cells, goes with the way to be expected of it.
 
 Noise of one cycle persists in the filter: an error e adds e / w to the way in the end, so the variance of the
 way per cycle is that of a wheel's power divided by :math:`w^2`.
@@ -24,7 +24,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray
-from ciberrato.bayes.convolution import convolve, gaussian_kernel, whole_steps
+from ciberrato.bayes.motion.inputs import check_belief
+from ciberrato.bayes.motion.passes import (
+    check_motion,
+    check_space,
+    move_carried,
+    spread,
+    ways,
+)
 from ciberrato.bayes.spaces import StateSpace
 
 
@@ -79,14 +86,13 @@ class DifferentialWheels:
     free: BoolArray | None = None
 
     def __post_init__(self) -> None:
-        if len(self.space.axes) != 3 or not math.isclose(self.space.axes[2].length, 2.0 * math.pi):
-            raise ValueError("wheels need axes x, y, heading, the last over a whole turn")
-        if not self.base > 0.0 or not 0.0 < self.response <= 1.0:
+        check_space(self.space, "wheel motion")
+        if not 0.0 < self.base < math.inf or not 0.0 < self.response <= 1.0:
             raise ValueError(
                 f"need a positive base and a response in (0, 1], not {self.base}, {self.response}"
             )
-        if min(self.noise, self.heading_floor, self.way_floor) < 0.0:
-            raise ValueError("noise and floors must be 0 or more")
+        if not all(0.0 <= v < math.inf for v in (self.noise, self.heading_floor, self.way_floor)):
+            raise ValueError("noise and floors must be finite and 0 or more")
         if self.free is not None and self.free.shape != self.space.shape[:2]:
             raise ValueError(f"the free cells have shape {self.free.shape}, the space {self.space.shape[:2]}")
 
@@ -112,61 +118,47 @@ class DifferentialWheels:
         -------
         belief : FloatArray, shape (x, y, heading)
         carry : WheelCarry
+
+        Raises
+        ------
+        ValueError
+            If the belief has the wrong shape or is no belief, or the way is not finite or longer than the
+            grid.
         """
-        belief = np.array(belief, dtype=float)
-        if belief.shape != self.space.shape:
-            raise ValueError(f"belief has shape {belief.shape}, the space {self.space.shape}")
+        belief = check_belief(belief, self.space.shape)
+        if len(control) != 2:
+            raise ValueError(f"a command is the power of the left and the right wheel, not {control!r}")
         left, right = (
-            self.response * c + (1.0 - self.response) * p
+            self.response * float(c) + (1.0 - self.response) * p
             for c, p in zip(control, (carry.left, carry.right), strict=True)
         )
         way, turn = (left + right) / 2.0, (right - left) / self.base
         moving = left != 0.0 or right != 0.0
-        per_wheel = (self.noise / self.response) ** 2 * (left * left + right * right)
+        scale = (self.noise / self.response) ** 2
+        per_wheel = scale * (left * left + right * right)
         way_variance = per_wheel / 4.0 + (self.way_floor**2 if moving else 0.0)
         turn_variance = per_wheel / self.base**2 + (self.heading_floor**2 if moving else 0.0)
+        check_motion(self.space, [way], [turn], [math.sqrt(way_variance)])
+        both = scale * (right * right - left * left) / (2.0 * self.base)
 
-        offset = self._drive(belief, way, way_variance, carry)
-        width = self.space.axes[2].cell
-        steps, left_over = whole_steps(turn / width, carry.turn / width)
-        belief = np.roll(belief, steps, axis=2)
-        offset = np.roll(offset, steps, axis=0)
-        if turn_variance > 0.0:
-            kernel = gaussian_kernel(0.0, turn_variance / width**2)
-            belief = convolve(belief, kernel.weights, kernel.first, edge="wrap", axis=2)
-        return belief, WheelCarry(left, right, left_over * width, offset)
-
-    def _drive(self, belief: FloatArray, way: float, variance: float, carry: WheelCarry) -> FloatArray:
-        """Move each heading's image in place and give the new offsets."""
-        cells = np.array([axis.cell for axis in self.space.axes[:2]])
-        headings = self.space.axes[2].centres + carry.turn
-        offset = carry.offset + way * np.stack([np.cos(headings), np.sin(headings)], axis=1)
-        for k, heading in enumerate(headings):
-            image = belief[:, :, k]
-            if not image.any():
-                continue
-            moved = image
-            for axis, along in enumerate((math.cos(heading), math.sin(heading))):
-                steps, _ = whole_steps(offset[k, axis] / cells[axis], 0.0)
-                spread = gaussian_kernel(0.0, variance * (along / cells[axis]) ** 2)
-                if steps or len(spread.weights) > 1:
-                    moved = self._blocked(moved, spread.weights, spread.first + steps, axis)
-            belief[:, :, k] = moved
-        return np.asarray(offset - np.rint(offset / cells) * cells)
-
-    def _blocked(self, image: FloatArray, weights: FloatArray, first: int, axis: int) -> FloatArray:
-        """Move an image along one axis; what would leave the free cells stays where it was."""
-        free = np.ones(image.shape, dtype=bool) if self.free is None else self.free
-        result = np.zeros_like(image)
-        size = image.shape[axis]
-        for k, weight in enumerate(weights):
-            step = first + k
-            taken, to = [slice(None)] * 2, [slice(None)] * 2
-            taken[axis] = slice(max(-step, 0), max(size - max(step, 0), 0))
-            to[axis] = slice(max(step, 0), max(size + min(step, 0), 0))
-            share = weight * image
-            arrived = np.where(free[tuple(to)], share[tuple(taken)], 0.0)
-            result[tuple(to)] += arrived
-            share[tuple(taken)] -= arrived
-            result += share
-        return result
+        axis, cells = self.space.axes[2], np.array([axis.cell for axis in self.space.axes[:2]])
+        steps = round((turn + carry.turn) / axis.cell)
+        step, weight = spread(min(math.sqrt(turn_variance), 2.0 * axis.length) / axis.cell)
+        slope = both / turn_variance if turn_variance > 0.0 else 0.0
+        source = np.repeat(np.arange(axis.size), len(step))
+        extra = np.tile(slope * step * axis.cell, axis.size)
+        rest = math.sqrt(max(0.0, way_variance - slope * both))
+        mean, covariance = ways(self.space, axis.centres[source] + carry.turn, way + extra, rest)
+        images, offset = move_carried(
+            np.moveaxis(belief, 2, 0),
+            carry.offset / cells,
+            source,
+            (source + np.tile(step, axis.size) + steps) % axis.size,
+            np.tile(weight, axis.size),
+            mean,
+            covariance,
+            np.ones(self.space.shape[:2], dtype=bool) if self.free is None else self.free,
+        )
+        left_over = turn + carry.turn - steps * axis.cell
+        moved = np.ascontiguousarray(np.moveaxis(images, 0, 2))
+        return moved, WheelCarry(left, right, left_over, offset * cells)

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.checks import positive, range_array, refuse_map
 from ciberrato.bayes.sensors.normal import log_interval
 
 
@@ -35,9 +37,13 @@ class BeamModel:
     decay : float
         Rate of short readings, per unit of length.
     max_range : float
-        Longest reading, z_max; readings of at least this are taken for it.
+        Longest reading, z_max; readings of at least this, +inf among them, are taken for it.
     resolution : float
         Step between readings, in units of length.
+    unknown : {"raise", "uniform"}
+        What an expected range of nan means: an error in the map, or a beam that comes to a cell of which it
+        is not known whether it is full (`OccupancyGrid.cast`). All readings are alike likely then, 1 / z_max,
+        as section 6.4.3 has it for places that are not explored.
     """
 
     hit: float
@@ -48,71 +54,110 @@ class BeamModel:
     decay: float
     max_range: float
     resolution: float = 0.01
+    unknown: Literal["raise", "uniform"] = "raise"
 
     def __post_init__(self) -> None:
         weights = (self.hit, self.short, self.longest, self.random)
-        if min(weights) < 0.0 or abs(sum(weights) - 1.0) > 1e-9:
+        if not (min(weights) >= 0.0 and abs(sum(weights) - 1.0) <= 1e-9):  # nan fails, too
             raise ValueError(f"beam weights must be 0 or more and sum to 1, not {weights}")
         for name in ("sigma", "decay", "max_range", "resolution"):
-            if not (getattr(self, name) > 0.0 and math.isfinite(getattr(self, name))):
-                raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
+            positive(getattr(self, name), what=name)
+        if self.unknown not in ("raise", "uniform"):
+            raise ValueError(f"unknown cells raise or are uniform, not {self.unknown!r}")
 
     def parts(self, reading: ArrayLike, expected: ArrayLike) -> FloatArray:
-        """Give the probability of a reading by each part, weights included.
+        """Compute the probability of a reading by each part, weights included.
 
         Parameters
         ----------
         reading, expected : array_like
-            Ranges 0 or more, broadcast against each other.
+            Ranges 0 or more, broadcast against each other; an expected one may be nan where
+            `unknown` is "uniform".
 
         Returns
         -------
         FloatArray, shape (4, ...)
-            Hit, short, longest, random; their sum is the beam's likelihood.
+            Hit, short, longest, random; their sum is the beam's likelihood. nan where the reading is.
+
+        Raises
+        ------
+        ValueError
+            If a range is negative, or an expected one nan where that is an error.
         """
-        z: FloatArray = np.minimum(np.asarray(reading, dtype=float), self.max_range)
-        ahead: FloatArray = np.minimum(np.asarray(expected, dtype=float), self.max_range)
-        z, ahead = np.broadcast_arrays(z, ahead)
+        z: FloatArray = np.minimum(range_array(reading), self.max_range)
+        ahead: FloatArray = np.minimum(range_array(expected, what="expected range"), self.max_range)
+        unknown = np.isnan(ahead)
+        if unknown.any():
+            if self.unknown == "raise":
+                refuse_map(unknown)
+            ahead = np.where(unknown, self.max_range, ahead)
+        z, ahead, unknown = np.broadcast_arrays(z, ahead, unknown)
         result = np.empty((4, *z.shape))
-        within = log_interval(-ahead / self.sigma, (self.max_range - ahead) / self.sigma)
-        log_hit = -0.5 * np.square((z - ahead) / self.sigma) - math.log(self.sigma * math.sqrt(2.0 * math.pi))
-        # Below -700 the exponential would be a denormal number, a thousand orders of magnitude under the
-        # random part.
-        result[0] = self.hit * self.resolution * np.exp(np.maximum(log_hit - within, -700.0))
+        # Below -700 the exponential would be a denormal number, far under the random part if there is one.
+        result[0] = self.hit * self.resolution * np.exp(np.maximum(self._log_hit(z, ahead), -700.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             density = self.decay * np.exp(-self.decay * z) / -np.expm1(-self.decay * ahead)
         result[1] = np.where((z <= ahead) & (ahead > 0.0), self.short * self.resolution * density, 0.0)
         result[2] = np.where(z >= self.max_range, self.longest, 0.0)
         result[3] = self.random * self.resolution / self.max_range
+        result[:3, unknown] = 0.0
+        result[3, unknown] = self.resolution / self.max_range
+        result[:, np.isnan(z)] = np.nan
         return result
 
     def beam_log_likelihood(self, reading: ArrayLike, expected: ArrayLike) -> FloatArray:
-        """Give log P(reading | expected) per beam, broadcast; -inf where no part explains the reading."""
+        """Compute log P(reading | expected) per beam, broadcast; -inf where no part explains the reading.
+
+        0 where the reading is nan. Errors as of `parts`.
+        """
+        parts = self.parts(reading, expected)
         with np.errstate(divide="ignore"):
-            return np.asarray(np.log(self.parts(reading, expected).sum(axis=0)))
+            if self.random > 0.0 or self.hit == 0.0:
+                result = np.log(parts.sum(axis=0))
+            else:
+                # Nothing else holds up a hit that is far off: its own logarithm does.
+                z, ahead = (
+                    np.minimum(np.asarray(v, dtype=float), self.max_range) for v in (reading, expected)
+                )
+                hit = math.log(self.hit * self.resolution) + self._log_hit(z, ahead)
+                result = np.logaddexp(np.where(np.isnan(hit), -np.inf, hit), np.log(parts[1:].sum(axis=0)))
+        return np.where(np.isnan(reading), 0.0, result)
+
+    def _log_hit(self, z: FloatArray, ahead: FloatArray) -> FloatArray:
+        """Compute the logarithm of the Gaussian's density within [0, max_range]."""
+        within = log_interval(-ahead / self.sigma, (self.max_range - ahead) / self.sigma)
+        log_hit = -0.5 * np.square((z - ahead) / self.sigma) - math.log(self.sigma * math.sqrt(2.0 * math.pi))
+        return np.asarray(log_hit - within)
 
     def log_likelihood(self, reading: ArrayLike, expected: ArrayLike) -> FloatArray:
-        """Give log P(scan | cell), beams independent (table 6.1).
+        """Compute log P(scan | cell), beams independent (table 6.1).
 
         Parameters
         ----------
         reading : array_like, shape (beams,)
-            nan where missing.
+            nan where missing, +inf where nothing is within range.
         expected : array_like, shape (..., beams)
             Ranges to the map from each cell.
 
         Returns
         -------
         FloatArray, shape (...)
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit, a range is negative, or an expected one nan where that is an error.
         """
-        reading = np.asarray(reading, dtype=float)
+        expected = np.asarray(expected, dtype=float)
+        reading = range_array(reading, beams=expected.shape[-1] if expected.ndim else 0)
         present = ~np.isnan(reading)
-        expected = np.asarray(expected, dtype=float)[..., present]
-        return np.asarray(self.beam_log_likelihood(reading[present], expected).sum(axis=-1))
+        return np.asarray(self.beam_log_likelihood(reading[present], expected[..., present]).sum(axis=-1))
 
     def sample(self, expected: ArrayLike, rng: np.random.Generator) -> FloatArray:
         """Draw a reading for each expected range, not rounded."""
-        ranges: FloatArray = np.minimum(np.asarray(expected, dtype=float), self.max_range)
+        ranges: FloatArray = np.minimum(range_array(expected, what="expected range"), self.max_range)
+        if np.isnan(ranges).any():
+            refuse_map(np.isnan(ranges))
         part = rng.choice(4, size=ranges.shape, p=[self.hit, self.short, self.longest, self.random])
         hit = ranges + self.sigma * rng.standard_normal(ranges.shape)
         while (outside := (hit < 0.0) | (hit > self.max_range)).any():

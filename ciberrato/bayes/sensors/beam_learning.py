@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.checks import map_array, range_array, whole
 from ciberrato.bayes.sensors.beam import BeamModel
 
 
@@ -46,7 +47,7 @@ def learn_beam_model(
     Parameters
     ----------
     reading, expected : array_like, shape (n,)
-        Ranges in units of length.
+        Ranges in units of length; pairs without a reading (nan) are left out.
     start : BeamModel
         First guess; its max_range and resolution are kept. A weight of 0 stays 0.
     iterations : int
@@ -61,12 +62,16 @@ def learn_beam_model(
     Raises
     ------
     ValueError
-        If there is no reading, or one that the first guess holds impossible.
+        If there is no reading, one that the first guess holds impossible, or ranges that are none.
     """
-    z = np.minimum(np.asarray(reading, dtype=float).ravel(), start.max_range)
-    range_ = np.minimum(np.asarray(expected, dtype=float).ravel(), start.max_range)
-    if z.size == 0 or z.shape != range_.shape:
-        raise ValueError(f"need as many expected ranges as readings, and some: {range_.shape}, {z.shape}")
+    iterations = whole(iterations, what="the number of iterations", least=0)
+    z = np.minimum(range_array(reading).ravel(), start.max_range)
+    range_ = np.minimum(range_array(map_array(expected), what="expected range").ravel(), start.max_range)
+    if z.shape != range_.shape:
+        raise ValueError(f"need as many expected ranges as readings: {range_.shape}, {z.shape}")
+    z, range_ = z[~np.isnan(z)], range_[~np.isnan(z)]
+    if not z.size:
+        raise ValueError("there is no reading to learn from")
     model, history = start, []
     for _ in range(iterations + 1):
         parts = model.parts(z, range_)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.checks import finite_array, positive, where
 from ciberrato.bayes.spaces import Axis
 
 
@@ -30,11 +31,25 @@ class DiscreteSensor:
     probabilities: Mapping[Any, FloatArray]
 
     def __post_init__(self) -> None:
-        total = sum(np.asarray(p, dtype=float) for p in self.probabilities.values())
-        if any(np.asarray(p).min() < 0.0 for p in self.probabilities.values()) or not np.allclose(
-            total, 1.0, atol=1e-9
-        ):
-            raise ValueError("the symbols' probabilities must be 0 or more and sum to 1 in every state")
+        if not self.probabilities:
+            raise ValueError("a discrete sensor needs at least one symbol")
+        tables = {symbol: np.asarray(p, dtype=float) for symbol, p in self.probabilities.items()}
+        shapes = {table.shape for table in tables.values()}
+        if len(shapes) > 1:
+            told = ", ".join(f"{symbol!r} {table.shape}" for symbol, table in tables.items())
+            raise ValueError(f"the symbols' tables must all have the belief's shape: {told}")
+        for symbol, table in tables.items():
+            if not (table >= 0.0).all():
+                wrong = ~(table >= 0.0)
+                raise ValueError(
+                    f"P({symbol!r}) in state {where(wrong)} is {table[wrong].flat[0]}, not 0 or more"
+                )
+        total = np.asarray(sum(tables.values()))
+        if not np.allclose(total, 1.0, atol=1e-9):
+            wrong = ~np.isclose(total, 1.0, atol=1e-9)
+            raise ValueError(
+                f"the symbols' probabilities in state {where(wrong)} sum to {total[wrong].flat[0]:g}, not 1"
+            )
 
     def log_likelihood(self, reading: Hashable) -> FloatArray:
         """Give log P(reading | state), the belief's shape; ValueError for an unknown symbol."""
@@ -67,8 +82,10 @@ class DoorDetector:
     false_alarm: float = 0.0
 
     def __post_init__(self) -> None:
-        if not self.doors or not self.sigma > 0.0:
-            raise ValueError("need at least one door and a positive sigma")
+        if not len(self.doors):
+            raise ValueError("need at least one door")
+        finite_array(self.doors, what="the doors' middles")
+        positive(self.sigma, what="sigma")
         if not 0.0 <= self.false_alarm < self.seen <= 1.0:
             raise ValueError(f"need 0 <= false alarm < seen <= 1, not {self.false_alarm}, {self.seen}")
 
@@ -88,7 +105,9 @@ class DoorDetector:
         -------
         FloatArray, shape of the places
         """
-        places = axis.centres if places is None else np.asarray(places, dtype=float)
+        if reading not in (True, False):
+            raise ValueError(f"a door is seen (True) or not (False), not {reading!r}")
+        places = axis.centres if places is None else finite_array(places, what="places")
         distance = np.min([np.abs(axis.difference(places, door)) for door in self.doors], axis=0)
         score = -0.5 * np.square(distance / self.sigma)
         if not reading:

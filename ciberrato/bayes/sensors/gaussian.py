@@ -7,13 +7,15 @@ Probabilistic Robotics, section 2.2 (eq. 2.3) and the `hit` part of the beam mod
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
-from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI
+from ciberrato.bayes.checks import finite_array, positive, range_array, refuse_map
+from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, beyond_range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,40 +30,67 @@ class GaussianSensor:
     normalized : bool
         Whether to include the density's factor 1 / (sigma sqrt(2 pi)). It matters where sigma differs between
         cells, and for the evidence; without it the greatest log likelihood is 0.
+    max_range : float or None
+        Longest range. Readings of at least this, +inf among them, have the probability that the range is
+        longer: the Gaussian's upper tail. None: there is no longest range, and +inf is an error.
+    signed : bool
+        Readings may be negative: they are no ranges.
     """
 
     sigma: float | FloatArray
     normalized: bool = True
+    max_range: float | None = None
+    signed: bool = False
 
     def __post_init__(self) -> None:
-        if not np.all(np.asarray(self.sigma) > 0.0):
-            raise ValueError("sigma must be positive")
+        positive(self.sigma, what="sigma")
+        if self.max_range is not None:
+            positive(self.max_range, what="max_range")
 
     def log_likelihood(self, reading: ArrayLike, mean: ArrayLike) -> FloatArray:
-        """Give log p(reading | cell), summed over the beams.
+        """Compute log p(reading | cell), summed over the beams.
 
         Parameters
         ----------
         reading : array_like, shape (beams,)
-            Missing beams are nan and say nothing.
+            Missing beams are nan and say nothing; +inf is nothing within `max_range`.
         mean : array_like, shape (..., beams)
-            Expected reading per cell; nan (a cell where no reading can be taken) makes the cell impossible.
+            Expected reading per cell; +inf where nothing is expected.
 
         Returns
         -------
         FloatArray, shape (...)
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit, a reading is negative (unless `signed`) or infinite (without `max_range`),
+            or a mean is nan.
         """
-        reading, mean = np.asarray(reading, dtype=float), np.asarray(mean, dtype=float)
-        terms = np.square((reading - mean) / self.sigma)
+        mean = np.asarray(mean, dtype=float)
+        reading = range_array(reading, beams=mean.shape[-1] if mean.ndim else 0, signed=self.signed)
+        longest = np.inf if self.max_range is None else self.max_range
+        # Most scans are whole: no beam is missing, none beyond the longest range.
+        whole = bool(reading.size) and bool(reading.max() < longest)
+        terms = (reading if whole else np.where(np.isfinite(reading), reading, 0.0)) - mean
+        try:
+            terms /= self.sigma
+        except ValueError as error:
+            raise ValueError(
+                f"sigma has shape {np.shape(self.sigma)}, which does not fit means {mean.shape}"
+            ) from error
+        np.square(terms, out=terms)
         terms *= -0.5
         if self.normalized:
             terms -= np.log(self.sigma) + LOG_SQRT_TWO_PI
-        missing = np.isnan(reading)
-        if np.isnan(mean).any():
-            terms[np.isnan(mean) & ~missing] = -np.inf
-        if missing.any():
-            terms[..., missing] = 0.0
-        return np.asarray(terms.sum(axis=-1))
+        if not whole:
+            terms[..., np.isnan(reading)] = 0.0
+            beyond_range(terms, reading, mean, self.sigma, self.max_range)
+        result = np.asarray(terms.sum(axis=-1))
+        # nan in the map shows in the least of all sums, unless the beam is missing.
+        if (result.size and math.isnan(result.min())) or (not whole and np.isnan(mean).any()):
+            refuse_map(np.isnan(mean))
+        return result
 
     def prepare(self, mean: ArrayLike) -> PreparedGaussian:
         """Work out what does not depend on the reading, for many readings in one map.
@@ -96,11 +125,10 @@ class PreparedGaussian:
     """
 
     def __init__(self, sensor: GaussianSensor, mean: ArrayLike) -> None:
-        mean = np.asarray(mean, dtype=float)
-        if not np.isfinite(mean).all():
-            raise ValueError(
-                "a prepared sensor needs finite means; leave impossible cells out of the belief instead"
-            )
+        mean = finite_array(mean, what="the means of a prepared sensor")
+        if not mean.ndim:
+            raise ValueError("the means of a prepared sensor need an axis for the beams")
+        self._signed, self._longest = sensor.signed, sensor.max_range
         beams = mean.shape[-1]
         weight = np.broadcast_to(1.0 / np.square(sensor.sigma), mean.shape).reshape(-1, beams)
         flat = mean.reshape(-1, beams)
@@ -114,11 +142,17 @@ class PreparedGaussian:
             self._constant += 0.5 * np.log(weight).sum(axis=1) - beams * LOG_SQRT_TWO_PI
 
     def log_likelihood(self, reading: ArrayLike) -> FloatArray:
-        """Give log p(reading | cell), shape (...), for a reading of shape (beams,) without missing beams."""
-        reading = np.asarray(reading, dtype=float)
-        if reading.shape != self._linear.shape[1:] or not np.isfinite(reading).all():
+        """Compute log p(reading | cell), shape (...), for a reading of shape (beams,) with all beams.
+
+        Missing beams (nan) and ranges beyond the longest are for `GaussianSensor.log_likelihood` itself.
+        """
+        reading = range_array(reading, beams=self._linear.shape[1], signed=self._signed)
+        longest = np.inf if self._longest is None else self._longest
+        if not reading.max() < longest:  # nan neither
+            wrong = int(np.argmax(~(reading < longest)))
             raise ValueError(
-                f"a prepared sensor takes {self._linear.shape[1]} finite beams, not shape {reading.shape}"
+                f"beam {wrong} reads {reading[wrong]}: a prepared sensor takes {len(reading)} finite beams "
+                "below the longest range; use GaussianSensor.log_likelihood for this reading"
             )
         result = self._linear @ reading
         result += self._constant

@@ -10,6 +10,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.checks import where
 
 LOG_SQRT_TWO_PI = 0.9189385332046727
 
@@ -90,3 +91,41 @@ def log_interval(low: ArrayLike, high: ArrayLike) -> FloatArray:
         narrow = width * (1.0 + np.abs(middle)) < 0.05
         result = np.where(narrow, by_series, by_tails)
     return np.where(high > low, result, -np.inf)
+
+
+def beyond_range(
+    terms: FloatArray, reading: FloatArray, mean: FloatArray, sigma: ArrayLike, max_range: float | None
+) -> None:
+    """Put log P(value >= max_range) in the place of the terms of readings that say no more than that.
+
+    Parameters
+    ----------
+    terms : FloatArray, shape (..., beams)
+        Log likelihoods, to be written to.
+    reading : FloatArray
+        Broadcasts against the terms. Those of at least the longest range are meant, +inf among them.
+    mean, sigma : array_like
+        Of the value, before noise; broadcast against the terms. Where sigma is 0 the value is certain.
+    max_range : float or None
+        Longest range; None if there is none.
+
+    Raises
+    ------
+    ValueError
+        If a reading is infinite and there is no longest range.
+    """
+    beyond = np.isposinf(reading) if max_range is None else reading >= max_range
+    if not beyond.any():
+        return
+    if max_range is None:
+        raise ValueError(
+            f"beam {where(beyond)} reads inf, nothing within range, but the sensor has no longest range: set "
+            "max_range, or make the beam nan to leave it out"
+        )
+    beyond = np.broadcast_to(beyond, terms.shape)
+    expected, spread = (
+        np.broadcast_to(v, terms.shape)[beyond] for v in (mean, np.asarray(sigma, dtype=float))
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tail = log_upper_tail((max_range - expected) / spread)
+    terms[beyond] = np.where(spread > 0.0, tail, np.where(expected >= max_range, 0.0, -np.inf))

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
-from ciberrato.bayes.sensors.normal import log_interval
+from ciberrato.bayes.checks import map_array, positive, range_array, whole
+from ciberrato.bayes.sensors.normal import beyond_range, log_interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,39 +34,55 @@ class QuantizedGaussian:
         Probability that a beam reads something else altogether, in [0, 1).
     outlier_readings : int
         Number of different readings that an outlier is equally likely to give.
+    max_range : float or None
+        Longest range. Readings of at least this, +inf among them, have the probability that the value before
+        rounding is longer. None: there is no longest range, and +inf is an error.
+    signed : bool
+        Readings may be negative: they are no ranges.
     """
 
     sigma: float | FloatArray
     step: float
     outlier: float = 0.0
     outlier_readings: int = 1
+    max_range: float | None = None
+    signed: bool = False
 
     def __post_init__(self) -> None:
-        if not np.all(np.asarray(self.sigma) >= 0.0):
-            raise ValueError("sigma must be 0 or more")
-        if not self.step > 0.0:
-            raise ValueError(f"the step must be positive, not {self.step}")
-        if not 0.0 <= self.outlier < 1.0 or self.outlier_readings < 1:
-            raise ValueError("outliers need a probability in [0, 1) and at least one reading")
+        sigma = np.asarray(self.sigma, dtype=float)
+        if not ((sigma >= 0.0) & (sigma < np.inf)).all():
+            raise ValueError(f"sigma must be 0 or more and finite, not {self.sigma}")
+        positive(self.step, what="the step")
+        if self.max_range is not None:
+            positive(self.max_range, what="max_range")
+        if not 0.0 <= self.outlier < 1.0:
+            raise ValueError(f"the probability of an outlier is in [0, 1), not {self.outlier}")
+        count = whole(self.outlier_readings, what="the number of readings of an outlier", least=1)
+        object.__setattr__(self, "outlier_readings", count)
 
     def beam_log_likelihood(self, reading: ArrayLike, mean: ArrayLike) -> FloatArray:
-        """Give log P(reading | mean) per beam.
+        """Compute log P(reading | mean) per beam.
 
         Parameters
         ----------
         reading : array_like
-            Multiples of the step; nan (missing) gives 0. Readings off the lattice by rounding error count as
-            on it.
+            Multiples of the step; nan (missing) counts 0, +inf is nothing within `max_range`. Readings off
+            the lattice by rounding error count as on it.
         mean : array_like
-            Expected value before noise; broadcasts against the reading. nan makes the beam impossible.
+            Expected value before noise; broadcasts against the reading.
 
         Returns
         -------
         FloatArray
             The broadcast shape. Accurate in relative terms down to log probabilities of -1e300.
+
+        Raises
+        ------
+        ValueError
+            If a reading is negative (unless `signed`) or infinite (without `max_range`), or a mean is nan.
         """
-        reading, mean = np.asarray(reading, dtype=float), np.asarray(mean, dtype=float)
-        multiple = np.round(reading / self.step)
+        reading, mean = range_array(reading, signed=self.signed), map_array(mean)
+        multiple = np.round(np.where(np.isfinite(reading), reading, 0.0) / self.step)
         low = (multiple - 0.5) * self.step - mean
         high = (multiple + 0.5) * self.step - mean
         sigma = np.asarray(self.sigma, dtype=float)
@@ -74,14 +91,14 @@ class QuantizedGaussian:
             result = log_interval(low / sigma, high / sigma)
         certain = np.where((low <= 0.0) & (high > 0.0), 0.0, -np.inf)
         result = np.where(sigma > 0.0, result, certain)
-        result = np.where(np.isnan(mean), -np.inf, result)
+        beyond_range(result, reading, mean, sigma, self.max_range)
         if self.outlier > 0.0:
             other = np.log(self.outlier / self.outlier_readings)
             result = np.logaddexp(np.log1p(-self.outlier) + result, other)
         return np.where(np.isnan(reading), 0.0, result)
 
     def log_likelihood(self, reading: ArrayLike, mean: ArrayLike) -> FloatArray:
-        """Give log P(reading | cell), summed over the beams.
+        """Compute log P(reading | cell), summed over the beams.
 
         Parameters
         ----------
@@ -93,5 +110,12 @@ class QuantizedGaussian:
         Returns
         -------
         FloatArray, shape (...)
+
+        Raises
+        ------
+        ValueError
+            As `beam_log_likelihood`, and if shapes do not fit.
         """
+        mean = np.asarray(mean, dtype=float)
+        reading = range_array(reading, beams=mean.shape[-1] if mean.ndim else 0, signed=self.signed)
         return np.asarray(self.beam_log_likelihood(reading, mean).sum(axis=-1))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray
+from ciberrato.bayes.checks import positive, range_array, whole
 from ciberrato.bayes.spaces import StateSpace
 
 _LEVELS = 256
@@ -33,7 +34,7 @@ class ScanTable:
     free : BoolArray, shape (x, y)
         Where the robot can be; states elsewhere are impossible.
     cast : callable
-        (x, y, angle, max_range) -> ranges, as `OccupancyGrid.cast` and `SegmentMap.cast`.
+        (x, y, angle, max_range) -> ranges, as `OccupancyGrid.cast` and `SegmentMap.cast`; nan where unknown.
     beams : int
         Number of beams of a scan, from right to left, symmetric about straight ahead.
     spacing : int
@@ -51,8 +52,9 @@ class ScanTable:
             raise ValueError(
                 f"the free cells have shape {free.shape}, the space {space.shape[:2]}; some must be free"
             )
-        if beams < 1 or spacing < 1 or not max_range > 0.0:
-            raise ValueError("need at least one beam, a spacing of at least 1 and a positive range")
+        beams = whole(beams, what="the number of beams", least=1)
+        spacing = whole(spacing, what="the spacing of the beams", least=1)
+        positive(max_range, what="max_range")
         self.space = space
         self.free = free
         self.max_range = max_range
@@ -62,10 +64,16 @@ class ScanTable:
         self.steps = (np.arange(beams) - (beams - 1) // 2) * spacing
         places = space.centres()[:, :, 0, :2][free]
         x, y = np.ascontiguousarray(places[:, 0]), np.ascontiguousarray(places[:, 1])
-        codes = np.empty((headings.size, len(x)), dtype=np.uint8)
+        ranges = np.empty((headings.size, len(x)), dtype=np.float32)
         for k, angle in enumerate(headings.centres):
-            ranges = cast(x, y, np.full(len(x), angle), max_range)
-            codes[k] = np.rint(ranges * ((_LEVELS - 1) / max_range))
+            ranges[k] = range_array(cast(x, y, np.full(len(x), angle), max_range), what="expected range")
+        unknown = np.isnan(ranges)
+        self._unknown = bool(unknown.any())
+        # A range that is not known has the last code for itself.
+        top = _LEVELS - 2 if self._unknown else _LEVELS - 1
+        ranges[unknown] = 0.0
+        codes = np.rint(np.minimum(ranges, max_range) * (top / max_range)).astype(np.uint8)
+        codes[unknown] = _LEVELS - 1
         self._codes = codes
         # [direction, place]: the code in the direction and the one a spacing further on.
         self._pairs = codes.astype(np.uint16) * _LEVELS + np.roll(codes, -spacing, axis=0)
@@ -77,7 +85,12 @@ class ScanTable:
 
     @property
     def levels(self) -> FloatArray:
-        """Ranges that the codes stand for, shape (256,); a range is off by half a step at the most."""
+        """Ranges that the codes stand for, shape (256,); a range is off by half a step at the most.
+
+        The last is nan, of rays that come to an unknown cell, if there are any.
+        """
+        if self._unknown:
+            return np.append(np.linspace(0.0, self.max_range, _LEVELS - 1), np.nan)
         return np.linspace(0.0, self.max_range, _LEVELS)
 
     @property
@@ -93,7 +106,7 @@ class ScanTable:
         Parameters
         ----------
         scan : array_like, shape (beams,)
-            Ranges, right to left; nan where missing.
+            Ranges, right to left; nan where missing, +inf where nothing is within range.
         beam : callable
             (reading, expected) -> log likelihood per beam, broadcasting, as `BeamModel.beam_log_likelihood`.
         weight : float
@@ -103,11 +116,17 @@ class ScanTable:
         Returns
         -------
         ndarray of float32, shape (x, y, heading)
-            -inf where the robot cannot be. Sums of 200 beams are right to 0.01.
+            -inf where the robot cannot be; a beam counts -1e4 at the least. Sums of 200 beams are right to
+            0.01.
+
+        Raises
+        ------
+        ValueError
+            If a range is negative, there are more or fewer than beams, or the weight is not in (0, 1].
         """
-        scan = np.asarray(scan, dtype=float)
-        if scan.shape != self.steps.shape:
-            raise ValueError(f"a scan has {len(self.steps)} beams, not shape {scan.shape}")
+        scan = range_array(scan, beams=len(self.steps))
+        if not 0.0 < weight <= 1.0:
+            raise ValueError(f"the weight of a scan is in (0, 1], not {weight}")
         present = ~np.isnan(scan)
         worth = np.zeros((len(scan), _LEVELS))
         worth[present] = weight * np.maximum(beam(scan[present, np.newaxis], self.levels), -1e4)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
+from ciberrato.geometry.angles import short_turns
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.world.lab import CELL_SIZE
-
-Floats = NDArray[np.float64]
 
 CLAIM_RADIUS = 0.5
 """Units: the probability of an estimate is that of all poses so near, and turned so little."""
@@ -124,7 +124,7 @@ def probability_near(belief: PoseBelief, x: float, y: float, heading: float) -> 
     if belief.dense is None:
         bins, squares, weights = belief.listed()
     else:
-        near = np.abs(_wrap(belief.headings() - heading)) <= CLAIM_TURN
+        near = np.abs(short_turns(belief.headings() - heading)) <= CLAIM_TURN
         lattice = belief.lattice
         close = np.hypot(lattice.x - x, lattice.y - y) <= CLAIM_RADIUS + lattice.resolution
         bins, squares = (
@@ -155,7 +155,7 @@ def _within(
     x: Floats, y: Floats, headings: Floats, centre: tuple[float, float, float], reach: float
 ) -> NDArray[np.bool_]:
     near = (x - centre[0]) ** 2 + (y - centre[1]) ** 2 <= (reach * CLAIM_RADIUS) ** 2
-    turned = np.abs(_wrap(headings - centre[2])) <= reach * CLAIM_TURN
+    turned = np.abs(short_turns(headings - centre[2])) <= reach * CLAIM_TURN
     return np.asarray(near & turned)
 
 
@@ -165,12 +165,8 @@ def _mean(
     total = float(weights.sum())
     if total <= 0.0:
         return centre
-    turn = float((weights * _wrap(headings - centre[2])).sum()) / total
+    turn = float((weights * short_turns(headings - centre[2])).sum()) / total
     return float((weights * x).sum()) / total, float((weights * y).sum()) / total, centre[2] + turn
-
-
-def _wrap(angles: Floats) -> Floats:
-    return np.asarray(angles - 2.0 * math.pi * np.rint(angles / (2.0 * math.pi)))
 
 
 def _as_estimate(pose: tuple[float, float, float], probability: float) -> PoseEstimate:

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.geometry.walls import WallMap
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.world.lab import CELL_SIZE, Lab
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _PAD = 4  # nodes around the lab that are never free, so that shifts need no checks

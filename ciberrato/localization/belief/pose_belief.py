@@ -21,10 +21,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief import compiled
 from ciberrato.localization.belief.lattice import Lattice
 
-Floats = NDArray[np.float64]
 Weights = NDArray[np.float32]
 Indices = NDArray[np.int64]
 

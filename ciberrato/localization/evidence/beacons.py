@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.geometry.walls import WallMap
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.protocol.messages import BeaconReading
 from ciberrato.world.lab import Beacon, Lab
 
-Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
 _AROUND = 288

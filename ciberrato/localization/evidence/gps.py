@@ -16,14 +16,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.belief.reweight import multiply
 from ciberrato.localization.evidence.gps_position import PlaceDensity, weigh_place
 from ciberrato.localization.records import Motion
 
-Floats = NDArray[np.float64]
 Place = tuple[float, float]
 
 _BINS = 144

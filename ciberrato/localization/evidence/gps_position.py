@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief.pose_belief import PoseBelief
-
-Floats = NDArray[np.float64]
 
 DOUBT = 0.02
 """Probability that an offset is wrong all the same, and the place may be anywhere."""

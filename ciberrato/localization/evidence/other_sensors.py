@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
-
-Floats = NDArray[np.float64]
 
 
 def sensors_used(lab: Lab, parameters: Parameters) -> tuple[str, ...]:

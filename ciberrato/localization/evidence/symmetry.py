@@ -17,15 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import ideal_reading, sensor_distances
 from ciberrato.localization.evidence.beacons import BeaconSense
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.protocol.messages import BeaconReading
+from ciberrato.world.coordinates import Pose
 from ciberrato.world.lab import Lab
-
-Floats = NDArray[np.float64]
-Pose = tuple[float, float, float]
 
 _PARTS = (2, 3, 4, 5, 6, 8)
 _EQUAL = 0.02  # units; files give corners to some decimals only

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.geometry.visible_faces import SECTORS, SECTORS_PER_RADIAN
 from ciberrato.infrared.cone_arrays import many_cone_distances
 from ciberrato.infrared.cone_scalar import single_cone_distances
 from ciberrato.infrared.face_tables import LabTables
 from ciberrato.localization.belief import compiled
-
-Floats = NDArray[np.float64]
 
 
 def cone_distances(

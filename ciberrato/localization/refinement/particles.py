@@ -18,16 +18,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.face_tables import tables_of, touching
 from ciberrato.infrared.model import CONTACT, SATURATION, SENSOR_OFFSET, reading_log_likelihood
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.records import FilterStep, Motion
 from ciberrato.localization.refinement.cones import cone_distances
+from ciberrato.world.coordinates import Pose
 from ciberrato.world.parameters import Parameters
-
-Floats = NDArray[np.float64]
-Pose = tuple[float, float, float]
 
 _FIRST = 600
 _LEAST, _MOST = 150, 600

@@ -19,9 +19,9 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.arrays import Floats
 from ciberrato.infrared.model import CONTACT, SATURATION, reading_log_likelihood
 
-Floats = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
 CODES = 256

@@ -76,12 +76,15 @@ class TableWorker:
         self.error: BaseException | None = None
         self._done = threading.Event()
         self._looped = threading.Event()
+        self._threads: list[threading.Thread] = []
 
     def start(self) -> None:
         """Start the threads."""
         self._began = time.monotonic()
-        threading.Thread(target=self._run, name="pose tables", daemon=True).start()
-        threading.Thread(target=self._load_loops, name="pose loops", daemon=True).start()
+        for work, name in ((self._run, "pose tables"), (self._load_loops, "pose loops")):
+            thread = threading.Thread(target=work, name=name, daemon=True)
+            self._threads.append(thread)
+            thread.start()
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until all tables are there, or something went wrong.
@@ -119,6 +122,11 @@ class TableWorker:
         for process in (self._process, self._warming):
             if process is not None:
                 process.terminate()
+
+    def join(self) -> None:
+        """Wait for the threads, after `stop`: a second at the most, if one is loading something."""
+        for thread in self._threads:
+            thread.join()
 
     def _run(self) -> None:
         try:
@@ -181,9 +189,9 @@ class TableWorker:
         return tables
 
     def _compute(self, which: str, resolution: float, path: Path) -> None:
-        from ciberrato.localization.tables.build import Order
+        from ciberrato.localization.tables.build import TableRequest
 
-        order = pickle.dumps(Order(self._lab, self._angles, resolution, 2, path))
+        request = pickle.dumps(TableRequest(self._lab, self._angles, resolution, 2, path))
         # A signal from the terminal is for the agent, which still needs the tables: hence the new session.
         self._process = subprocess.Popen(
             module_command("ciberrato.localization.tables.build"),
@@ -196,7 +204,7 @@ class TableWorker:
         with self._process as process:
             assert process.stdin is not None
             assert process.stdout is not None
-            process.stdin.write(order)
+            process.stdin.write(request)
             process.stdin.close()
             for line in process.stdout:
                 if line.startswith(b"memory "):

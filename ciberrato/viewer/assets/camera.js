@@ -12,6 +12,8 @@ export class Camera {
     this.height = 1;
     this.fitted = true;
     this.lab = { width: 28, height: 14 };
+    // Pixels that buttons and legend take from the lab.
+    this.insets = { top: 56, bottom: 40, side: 12 };
   }
 
   resize(width, height) {
@@ -27,9 +29,7 @@ export class Camera {
 
   /** Show the whole lab, clear of the buttons above it and the legend below. */
   fit() {
-    const top = 56;
-    const bottom = 40;
-    const side = this.width > 560 ? 58 : 12;
+    const { top, bottom, side } = this.insets;
     const { width, height } = this.lab;
     this.k = Math.max(1, Math.min((this.width - 2 * side) / (width + 0.4), (this.height - top - bottom) / (height + 0.4)));
     this.x = width / 2;

@@ -5,7 +5,7 @@ const PAN = 60;
 /** Keys that work everywhere but in fields; the lab's own keys work when it has the focus. */
 export function bindKeys(actions) {
   const keys = {
-    " ": actions.startOrStop, r: actions.reset, p: actions.play, l: actions.live, f: actions.follow, d: actions.theme, "?": actions.help,
+    " ": actions.startOrStop, r: actions.reset, p: actions.play, l: actions.live, f: actions.follow, d: actions.theme, w: actions.project, "?": actions.help,
     ",": () => actions.step(-1), ".": () => actions.step(1), "+": () => actions.zoom(1.25), "=": () => actions.zoom(1.25),
     "-": () => actions.zoom(0.8), 0: actions.fit, Escape: () => actions.choose(null),
     c: () => actions.layer("cones"), t: () => actions.layer("trails"), b: () => actions.layer("belief"), n: () => actions.layer("names"), g: () => actions.layer("starts"),

@@ -28,13 +28,19 @@ export function drawFloor(lab) {
     svg("path", { class: "cells", d: lines.join("") }));
 }
 
+/** How far to the side and up a target's number stands. */
+function besideMiddle(radius) {
+  return Math.max(0, radius - 0.26) * Math.SQRT1_2;
+}
+
 export function drawTargets(lab) {
   return svg("g", {}, ...lab.targets.map(([x, y, radius], index) => svg("g", { transform: `translate(${x} ${y})` },
     svg("circle", { class: "target-disc", r: radius }),
     svg("circle", { class: "target-ring", r: Math.max(0.05, radius - 0.04) }),
     // The robot's centre must be inside the inner ring.
     ...(radius > 0.55 ? [svg("circle", { class: "target-inner", r: radius - 0.5 })] : []),
-    ...(lab.targets.length > 1 ? [upright(0, 0, String(index), "floor-text target-text")] : []))));
+    // Between the rings, up to the left: in the middle often stands a beacon.
+    ...(lab.targets.length > 1 ? [upright(-besideMiddle(radius), besideMiddle(radius), String(index), "floor-text target-text")] : []))));
 }
 
 export function drawStarts(grid) {

@@ -2,8 +2,9 @@
 
 import { bindKeys, bindPointer } from "./input.js";
 import { handlers } from "./messages.js";
-import { extent, probability } from "./paint.js";
+import { cellAt, cellName, probability } from "./paint.js";
 import { drawPicture, resize, setTheme, showLayers, theme } from "./picture.js";
+import { bindProjection, project } from "./scoreboard.js";
 import { confirmed, updatePanels } from "./sidebar.js";
 import { Socket } from "./socket.js";
 import { $, camera, clock, counters, dirty, link, remember, remembered, state, store } from "./state.js";
@@ -26,18 +27,12 @@ function paintFrame(now) {
   const still = key !== null && key === drawn && !state.follow && !dirty.camera && !dirty.paint;
   drawn = key;
   if (!still) drawPicture(frame, list, passed);
-  if (now - clock.panels > PANEL_MILLISECONDS) {
+  // A new belief is in picture and panel at once.
+  if (dirty.panels || now - clock.panels > PANEL_MILLISECONDS) {
+    dirty.panels = false;
     clock.panels = now;
-    updatePanels(frame);
+    updatePanels(frame, performance.now());
   }
-}
-
-function cellOf(robot, belief) {
-  if (robot.x === null) return null;
-  const [left, bottom, right, top] = extent(belief, state.lab);
-  const column = Math.floor((robot.x - left) / (right - left) * belief.columns);
-  const row = Math.floor((robot.y - bottom) / (top - bottom) * belief.rows);
-  return row >= 0 && row < belief.rows && column >= 0 && column < belief.columns ? [row, column] : null;
 }
 
 const actions = {
@@ -87,6 +82,7 @@ const actions = {
     setTheme(theme() === "dark" ? "light" : "dark");
     remember("theme", theme());
   },
+  project: () => project(!state.projection, { fullscreen: true }),
   help: () => $("keys").showModal(),
   hover: (px, py) => {
     const tip = $("tip");
@@ -96,13 +92,14 @@ const actions = {
     tip.hidden = !inside;
     if (!inside) return;
     const belief = shownBelief();
-    const cell = belief && cellOf({ x, y }, belief);
-    const column = cell ? cell[1] : Math.floor(x / 2);
-    const row = cell ? cell[0] : Math.floor(y / 2);
-    const p = cell ? probability(belief, row, column) : null;
-    say(tip, `cell ${column}, ${row}${p === null ? "" : `\n${p >= 0.0005 ? `${(100 * p).toFixed(1)} %` : p > 0 ? p.toExponential(1) : "0"}`}`);
+    const cell = belief && cellAt(belief, lab, x, y);
+    const name = cell ? cellName(belief, lab, ...cell) : `(${2 * Math.floor(x / 2) + 1}, ${2 * Math.floor(y / 2) + 1})`;
+    const p = cell ? probability(belief, ...cell) : null;
+    say(tip, `cell ${name}${p === null ? "" : `\n${p >= 0.0005 ? `${(100 * p).toFixed(1)} %` : p > 0 ? p.toExponential(1) : "0"}`}`);
     tip.style.left = `${Math.min(camera.width - 40, Math.max(40, px))}px`;
     tip.style.top = `${py}px`;
+    // At the upper edge it stands below the pointer.
+    tip.dataset.below = String(py < 64);
   },
 };
 
@@ -118,6 +115,7 @@ $("zoom-in").addEventListener("click", () => actions.zoom(1.3));
 $("zoom-out").addEventListener("click", () => actions.zoom(1 / 1.3));
 $("zoom-fit").addEventListener("click", actions.fit);
 $("theme").addEventListener("click", actions.theme);
+$("project").addEventListener("click", actions.project);
 $("help").addEventListener("click", actions.help);
 $("belief-source").addEventListener("change", (event) => {
   state.source = event.target.value;
@@ -144,6 +142,7 @@ const socket = new Socket((message) => handlers[message.type]?.(message), (conne
   if (connected) state.epoch = -1; // it may be another process: everything anew
 });
 showLayers();
+bindProjection();
 requestAnimationFrame(paintFrame);
 link.send = (message) => socket.send(message);
 

@@ -6,8 +6,11 @@ import { drawLab, drawLegend, robots, setShapes } from "./picture.js";
 import { robotList } from "./sidebar.js";
 import { $, asked, counters, dirty, EMPTY, link, state, store, tween } from "./state.js";
 import { readFrame } from "./store.js";
-import { html, say } from "./svg.js";
+import { html } from "./svg.js";
+import { clip, plain, sayClipped } from "./text.js";
 import { liveRobots, seek } from "./time.js";
+
+const MOST_SIGNS = 60;
 
 export const handlers = {
   world(message) {
@@ -19,8 +22,9 @@ export const handlers = {
     document.body.dataset.recording = String(message.recording);
     $("controls").hidden = !message.control;
     $("live").hidden = message.recording;
-    say($("lab-name"), message.lab ? message.lab.name : "No lab yet");
-    document.title = message.lab ? `${message.lab.name} – ciberrato` : "ciberrato viewer";
+    const name = message.lab ? plain(message.lab.name) : "";
+    sayClipped($("lab-name"), name || (message.lab ? "Lab without a name" : "No lab yet"), MOST_SIGNS);
+    document.title = name ? `${clip(name, MOST_SIGNS)} – ciberrato` : "ciberrato viewer";
     drawLab();
     if (message.span[1] > 0) {
       link.send({ ask: "frames", from: 0, to: message.span[1], most: 512 });
@@ -29,10 +33,10 @@ export const handlers = {
   },
   status(message) {
     state.connection = message.connection;
-    state.simulator = message.simulator;
+    state.simulator = plain(message.simulator);
   },
   roster(message) {
-    state.names = new Map(message.robots.map(({ id, name }) => [id, name]));
+    state.names = new Map(message.robots.map(({ id, name }) => [id, plain(name)]));
     state.angles = new Map(message.robots.filter(({ angles }) => angles).map(({ id, angles }) => [id, angles]));
     dirty.events = true;
     dirty.paint = true;
@@ -43,6 +47,7 @@ export const handlers = {
     state.rate = message.rate;
     const frame = readFrame(message.frame);
     const now = performance.now();
+    state.heard = now;
     // What is on the screen is where the movement goes on from.
     tween.from = { robots: liveRobots(now) };
     tween.length = 0.8 * tween.length + 0.2 * Math.min(250, Math.max(16, now - tween.start));
@@ -68,7 +73,7 @@ export const handlers = {
     state.marks.push(...message.marks);
     dirty.events = true;
     const last = message.marks.at(-1);
-    if (last) say($("announcer"), eventText(last[1], last[2], state.names));
+    if (last) sayClipped($("announcer"), eventText(last[1], last[2], state.names), MOST_SIGNS * 2);
   },
   belief(message) {
     if (message.epoch !== state.epoch) return;
@@ -117,8 +122,9 @@ function showSources() {
   const select = $("belief-source");
   const names = [...state.beliefs.keys()];
   if (!names.includes(state.source)) state.source = names[0] ?? null;
-  select.replaceChildren(...names.map((name) => html("option", { value: name }, name)));
+  select.replaceChildren(...names.map((name) => html("option", { value: name, title: plain(name) }, clip(plain(name), 24))));
   select.value = state.source ?? "";
+  select.title = plain(state.source ?? "");
   select.hidden = names.length < 2;
   $("belief-panel").hidden = !names.length;
   $("layer-belief").hidden = !names.length;

@@ -40,6 +40,22 @@ export function extent(belief, lab) {
   return belief.extent ?? [0, 0, lab.width, lab.height];
 }
 
+/** The name of a cell: its centre in units, as everywhere in this project. */
+export function cellName(belief, lab, row, column) {
+  const [left, bottom, right, top] = extent(belief, lab);
+  const x = left + (column + 0.5) * (right - left) / belief.columns;
+  const y = bottom + (row + 0.5) * (top - bottom) / belief.rows;
+  return `(${Number(x.toFixed(2))}, ${Number(y.toFixed(2))})`;
+}
+
+/** The cell of a belief that a place is in, as [row, column]; null beside the grid. */
+export function cellAt(belief, lab, x, y) {
+  const [left, bottom, right, top] = extent(belief, lab);
+  const column = Math.floor((x - left) / (right - left) * belief.columns);
+  const row = Math.floor((y - bottom) / (top - bottom) * belief.rows);
+  return row >= 0 && row < belief.rows && column >= 0 && column < belief.columns ? [row, column] : null;
+}
+
 export class Paint {
   constructor(canvas) {
     this.canvas = canvas;

@@ -2,13 +2,17 @@
 
 import { drawCurve } from "./chart.js";
 import { look } from "./infrared.js";
+import { cellAt, cellName } from "./paint.js";
 import { html, robotColor, say, svg } from "./svg.js";
+import { clip, sayClipped } from "./text.js";
 
 const EVENT_TEXT = {
   joined: "registered", started: "Started", stopped: "Stopped", ended: "End of the run", collision: "collides",
   target: "visits a target", returning: "returns home", finished: "has finished", removed: "was removed",
 };
 const MOST_EVENTS = 60;
+const MOST_SIGNS = 60;
+const OF_CELL = "the cell's centre in units";
 
 export class RobotList {
   constructor(list, { onChoose, onRemove }) {
@@ -38,7 +42,7 @@ export class RobotList {
       root.dataset.hit = String(robot.hit);
       root.dataset.chosen = String(robot.id === chosen);
       item.button.setAttribute("aria-pressed", String(robot.id === chosen));
-      say(item.name, names.get(robot.id) || `robot ${robot.id}`);
+      sayClipped(item.name, names.get(robot.id) || `robot ${robot.id}`, MOST_SIGNS);
       say(item.score, String(robot.score));
       // Until a target is visited the arrival time is just the time.
       const arrived = robot.mask.includes("1") && robot.arrival;
@@ -119,8 +123,9 @@ export function drawEvents(list, marks, names, onJump) {
   list.replaceChildren(...shown.map(([time, kind, robot]) => {
     const dot = html("span", { class: "dot" });
     if (robot) dot.style.setProperty("--robot", robotColor(robot));
-    const button = html("button", { type: "button", title: "Go there" },
-      html("span", { class: "when" }, String(time)), dot, html("span", {}, eventText(kind, robot, names)));
+    const sentence = eventText(kind, robot, names);
+    const button = html("button", { type: "button", title: `${sentence}: go there` },
+      html("span", { class: "when" }, String(time)), dot, html("span", { class: "what" }, clip(sentence, MOST_SIGNS)));
     button.addEventListener("click", () => onJump(time));
     return html("li", {}, button);
   }));
@@ -153,21 +158,26 @@ export class BeliefPanel {
     this.setNow = () => {};
   }
 
-  update(belief, series, span, time) {
-    const { entropy, best, truth, modes, curve } = this.parts;
+  update(belief, series, span, time, lab) {
+    const { entropy, best, truth, when, modes, curve } = this.parts;
     if (belief) {
+      const name = (row, column) => cellName(belief, lab, row, column);
       say(entropy, belief.entropy.toFixed(2));
       const [first] = belief.modes;
       say(best, first ? `${(100 * first[2]).toFixed(0)} %` : "–");
-      best.title = first ? `column ${first[1]}, row ${first[0]}, from 0,0 at the lower left` : "";
+      best.title = first ? `${name(first[0], first[1])}, ${OF_CELL}` : "";
       // Of the cell in which the robot was when it believed so: now it may have left it.
       const share = series.find(([when]) => when === belief.time)?.[3] ?? null;
       say(truth, share === null ? "–" : `${(100 * share).toFixed(0)} %`);
-      const wanted = belief.modes.map(([row, column, , mass]) => `${column}, ${row}: ${(100 * mass).toFixed(0)} %`).join("|");
+      const at = belief.place && cellAt(belief, lab, ...belief.place);
+      truth.title = at ? `${name(...at)}, ${OF_CELL}: where the robot was at cycle ${belief.time}` : "";
+      const age = Math.max(0, time - belief.time);
+      say(when, `As of cycle ${belief.time}${age ? `, ${age} ${age === 1 ? "cycle" : "cycles"} ago` : ""}${at ? `; the robot was in ${name(...at)}` : ""}.`);
+      const wanted = belief.modes.map(([row, column, , mass]) => `${name(row, column)}: ${(100 * mass).toFixed(1)} %`).join("|");
       if (modes.dataset.shown !== wanted) {
         modes.dataset.shown = wanted;
-        modes.replaceChildren(...belief.modes.map(([row, column, , mass]) => html("li", { title: "column, row of the hill's top; its probability" },
-          html("b", {}, `${column}, ${row}`), ` ${(100 * mass).toFixed(mass < 0.095 ? 1 : 0)} %`)));
+        modes.replaceChildren(...belief.modes.map(([row, column, , mass]) => html("li", { title: `the hill's top, ${OF_CELL}; the hill's probability` },
+          html("b", {}, name(row, column)), ` ${(100 * mass).toFixed(mass < 0.095 ? 1 : 0)} %`)));
       }
     }
     const key = `${series.length} ${series.at(-1)?.[0]} ${span}`;

@@ -2,15 +2,22 @@
 
 import { reflectors } from "./infrared.js";
 import { drawBeacons, drawFloor, drawStarts, drawTargets, drawWalls, wallColor, wallHeights } from "./lab.js";
-import { extent, Paint, rampTable } from "./paint.js";
+import { Labels, ON } from "./labels.js";
+import { cellAt, extent, Paint, rampTable } from "./paint.js";
 import { DEFAULT_ANGLES, Robots } from "./robots.js";
-import { drawShapes, Labels } from "./shapes.js";
+import { drawShapes } from "./shapes.js";
 import { $, camera, dirty, remember, state, store } from "./state.js";
 import { html, say, svg } from "./svg.js";
 import { choose, shownBelief } from "./time.js";
 
 const TRAIL_CYCLES = 600;
 const MOST_TRAIL_POINTS = 400;
+const EDGE = 12;
+// Letters in pixels, and letters of a label; small ones where the lab is small.
+const LETTERS = { page: [12, 24], small: [10, 12], projection: [20, 24] };
+const SMALL = 16;
+// From here on a robot has left the place that its agent's belief is about.
+const MOVED = 0.3;
 
 const paint = new Paint($("paint"));
 const floorRoot = svg("g");
@@ -19,10 +26,11 @@ const below = svg("g");
 const wallGroup = svg("g");
 const shapeGroup = svg("g");
 const modeGroup = svg("g");
+const thenGroup = svg("g");
 const labelGroup = svg("g");
 export const robots = new Robots(choose);
 $("floor").append(floorRoot);
-sceneRoot.append(below, robots.cones, wallGroup, modeGroup, shapeGroup, robots.bodies);
+sceneRoot.append(below, robots.cones, wallGroup, modeGroup, thenGroup, shapeGroup, robots.bodies);
 $("scene").append(sceneRoot, labelGroup);
 const labels = new Labels(labelGroup);
 let modeLabels = [];
@@ -33,6 +41,7 @@ export function drawLab() {
   floorRoot.replaceChildren();
   below.replaceChildren();
   wallGroup.replaceChildren();
+  $("layers").hidden = $("zoom").hidden = !lab;
   if (!lab) return;
   floorRoot.append(drawFloor(lab));
   below.append(drawTargets(lab), drawStarts(state.grid));
@@ -42,6 +51,23 @@ export function drawLab() {
   dirty.camera = true;
   drawLegend();
   showLayers();
+  fitStage();
+}
+
+/** Measure what buttons and legend leave to the lab; where the page scrolls, the stage is as high as the lab needs. */
+export function fitStage() {
+  const stage = $("stage");
+  const below = (id) => {
+    const { offsetTop, offsetHeight } = $(id);
+    return offsetHeight ? offsetTop + offsetHeight : 0;
+  };
+  const top = Math.max(below("layers"), below("zoom")) + EDGE;
+  const bottom = $("legend").offsetHeight + EDGE;
+  stage.style.setProperty("--inset", `${top + bottom}px`);
+  if (state.lab) stage.style.setProperty("--shape", String(Math.min(2, state.lab.height / state.lab.width)));
+  camera.insets = { top, bottom, side: EDGE };
+  if (camera.fitted) camera.fit();
+  dirty.camera = true;
 }
 
 export function drawLegend() {
@@ -64,6 +90,7 @@ export function drawLegend() {
     entries.push(html("span", {}, "belief", swatch));
   }
   $("legend").replaceChildren(...entries);
+  fitStage();
 }
 
 function entry(color, text) {
@@ -106,20 +133,58 @@ function drawModes(belief) {
     modeGroup.append(svg("rect", {
       class: `mode-ring${index ? "" : " first"}`, x: x + inset, y: y + inset, width: width - 2 * inset, height: height - 2 * inset, rx: inset,
     }));
-    return { text: `${(100 * mass).toFixed(0)} %`, at: [x + inset, y + height - inset], className: "mode-text", shift: [4, 12] };
+    const text = `${(100 * mass).toFixed(0)} %`;
+    return { key: `mode ${index}`, text, at: [x + inset, y + height - inset], className: "mode-text", choices: ON, corner: true };
   });
 }
 
-function updateLabels(list) {
-  const place = ({ at: [x, y], shift = [0, 0], ...rest }) => {
+/** A belief is about the moment of its last reading: ring where the robot was then, once it has gone on. */
+function drawThen(belief, list) {
+  const place = belief?.place;
+  const id = state.beliefs.get(state.source)?.robot;
+  const now = list.find((robot) => robot.id === id);
+  const moved = place && now && now.x !== null && Math.hypot(now.x - place[0], now.y - place[1]) > MOVED;
+  const key = moved ? `${belief.time} ${place}` : "";
+  if (thenGroup.dataset.shown !== key) {
+    thenGroup.dataset.shown = key;
+    thenGroup.replaceChildren();
+    if (!moved) return null;
+    const [left, bottom, right, top] = extent(belief, state.lab);
+    const [width, height] = [(right - left) / belief.columns, (top - bottom) / belief.rows];
+    const cell = cellAt(belief, state.lab, ...place);
+    if (cell) {
+      const [row, column] = cell;
+      thenGroup.append(svg("rect", { class: "then-cell", x: left + column * width, y: bottom + row * height, width, height }));
+    }
+    thenGroup.append(svg("circle", { class: "then", cx: place[0], cy: place[1], r: 0.5 }));
+  }
+  return moved ? { key: "then", text: `cycle ${belief.time}`, at: place, className: "then-text", world: 0.5 } : null;
+}
+
+function updateLabels(list, then) {
+  labels.setSize(...LETTERS[camera.k < SMALL ? "small" : state.projection ? "projection" : "page"]);
+  const place = ({ at: [x, y], world = 0, corner, ...rest }) => {
     const [px, py] = camera.toScreen(x, y);
-    return { ...rest, x: px + shift[0], y: py + shift[1] };
+    const shift = corner ? [4 + labels.width(rest.text) / 2, 3 + labels.size * 0.6] : [0, 0];
+    return { ...rest, x: px + shift[0], y: py + shift[1], reach: world * camera.k };
   };
-  const tags = state.layers.names ? list.filter((robot) => robot.x !== null && robot.state !== "Removed").map((robot) => place({
-    text: state.names.get(robot.id) || `robot ${robot.id}`, className: "tag", at: [robot.x, robot.y], shift: [0, 0.5 * camera.k + 15],
+  const seen = list.filter((robot) => robot.x !== null && robot.state !== "Removed");
+  // The chosen one's name is there in any case; the others' give way.
+  const order = [...seen].sort((a, b) => (b.id === state.chosen) - (a.id === state.chosen));
+  const tags = state.layers.names ? order.map((robot) => place({
+    key: `robot ${robot.id}`, text: state.names.get(robot.id) || `robot ${robot.id}`, className: "tag", at: [robot.x, robot.y],
+    world: 0.5, needed: robot.id === state.chosen,
   })) : [];
-  const texts = (state.live ? state.texts : []).map(({ text, color, at, lift }) => place({ text, color, className: "shape-text", at, shift: [0, -lift] }));
-  labels.update([...(camera.k > 13 ? modeLabels : []).map(place), ...tags, ...texts]);
+  // Texts of agents stand where the agent says, or beside it.
+  const texts = (state.live ? state.texts : []).map((text) => place({ ...text, className: "shape-text" }));
+  // Numbers on the robots stay legible, too.
+  const bodies = seen.map((robot) => {
+    const [x, y] = camera.toScreen(robot.x, robot.y);
+    const half = 0.3 * camera.k;
+    return [x - half, y - half, x + half, y + half];
+  });
+  const about = [...(camera.k > 13 ? modeLabels : []), ...(then ? [then] : [])].map(place);
+  labels.update([...tags, ...about, ...texts], bodies, camera);
 }
 
 /** Draw what is out of date. */
@@ -139,14 +204,15 @@ export function drawPicture(frame, list, passed) {
   robots.update(list, {
     reflectors: state.scene, chosen: state.chosen,
     wanted: ({ id, state: what }) => what !== "Removed" && (state.layers.cones === "all" || (state.layers.cones === "chosen" && id === state.chosen)),
-    angles: (id) => state.angles.get(id) ?? DEFAULT_ANGLES,
+    angles: (id) => state.angles.get(id) ?? DEFAULT_ANGLES, names: state.names,
   });
   const belief = shownBelief();
   if (belief !== modesOf) {
     modesOf = belief;
     modeLabels = drawModes(belief);
   }
-  updateLabels(list);
+  const then = drawThen(belief, list);
+  updateLabels(list, then);
   // Shapes say what is now: they are not kept.
   shapeGroup.style.display = state.live ? "" : "none";
   if (dirty.paint || !state.live) {
@@ -164,6 +230,7 @@ export function setShapes(shapes) {
 export function resize(width, height) {
   camera.resize(width, height);
   paint.resize(width, height);
+  fitStage();
   dirty.camera = true;
 }
 

@@ -1,7 +1,7 @@
 // Drawing robots: a mouse of diameter 1, its cones, its collisions.
 
 import { look } from "./infrared.js";
-import { robotColor, svg } from "./svg.js";
+import { robotColor, say, svg } from "./svg.js";
 
 const DEGREES = Math.PI / 180;
 export const DEFAULT_ANGLES = [0, 60, -60, 180];
@@ -22,7 +22,7 @@ export function drawRobot(id) {
     svg("circle", { class: "nose", cx: 0.455, r: 0.052 }));
   const number = svg("text", { class: "robot-id", transform: "translate(-.09 0) scale(1 -1)" });
   number.textContent = String(id);
-  const group = svg("g", { class: "robot-g", "data-robot": id },
+  const group = svg("g", { class: "robot-g", "data-robot": id }, svg("title"),
     svg("circle", { class: "robot-shadow", r: 0.5, cx: 0.07, cy: -0.1 }),
     svg("circle", { class: "halo", r: 0.66 }),
     turned, number,
@@ -86,7 +86,7 @@ export class Robots {
   }
 
   /** Draw robots where they are; gives what the sensors of each robot in `wanted` see. */
-  update(robots, { reflectors, chosen, wanted, angles }) {
+  update(robots, { reflectors, chosen, wanted, angles, names }) {
     const present = new Set();
     const sights = new Map();
     for (const robot of robots) {
@@ -101,6 +101,7 @@ export class Robots {
       }
       entry.group.setAttribute("transform", `translate(${robot.x} ${robot.y})`);
       entry.turned.setAttribute("transform", `rotate(${robot.dir ?? 0})`);
+      say(entry.group.firstChild, names.get(robot.id) || `robot ${robot.id}`);
       const { dataset } = entry.group;
       if (dataset.state !== robot.state) dataset.state = robot.state;
       if (dataset.hit !== String(robot.hit)) dataset.hit = String(robot.hit);

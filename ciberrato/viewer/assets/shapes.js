@@ -1,6 +1,8 @@
-// What agents draw over the lab, and the labels that keep their size whatever the zoom.
+// What agents draw over the lab.
 
+import { AROUND, ON } from "./labels.js";
 import { robotColor, svg } from "./svg.js";
+import { plain } from "./text.js";
 
 const DEGREES = Math.PI / 180;
 
@@ -54,32 +56,7 @@ export function drawShapes(group, shapes) {
       group.append(element);
     }
     const text = shape.kind === "text" ? shape.text : shape.label;
-    if (text) texts.push({ text, color, at: anchor(shape), lift: shape.kind === "text" ? 0 : 14 });
+    if (text) texts.push({ key: `${shape.source} ${shape.id}`, text: plain(text), color, at: anchor(shape), ...(shape.kind === "text" ? { choices: [...ON, ...AROUND] } : { world: 0.5 }) });
   }
   return texts;
-}
-
-/** Labels in pixels: made once, moved often. */
-export class Labels {
-  constructor(group) {
-    this.group = group;
-    this.elements = [];
-  }
-
-  /** Show labels: {text, x, y, className, color} with x, y on the screen. */
-  update(labels) {
-    while (this.elements.length > labels.length) this.elements.pop().remove();
-    while (this.elements.length < labels.length) {
-      const element = svg("text");
-      this.elements.push(element);
-      this.group.append(element);
-    }
-    labels.forEach(({ text, x, y, className, color }, index) => {
-      const element = this.elements[index];
-      if (element.textContent !== text) element.textContent = text;
-      if (element.getAttribute("class") !== className) element.setAttribute("class", className);
-      element.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
-      element.style.setProperty("--robot", color ?? "currentColor");
-    });
-  }
 }

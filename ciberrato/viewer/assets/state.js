@@ -10,7 +10,9 @@ export const state = {
   epoch: -1, lab: null, scene: null, grid: [], simTime: 0, cycleTime: 50, control: false, recording: false,
   connected: false, connection: "searching", simulator: "", rate: 0, frame: EMPTY, names: new Map(), angles: new Map(),
   marks: [], asked: 0, beliefs: new Map(), past: null, source: null, texts: [],
-  live: true, t: 0, playing: false, speed: 1, chosen: null, choiceMade: false, follow: false,
+  live: true, t: 0, playing: false, speed: 1, chosen: null, choiceMade: false, follow: false, projection: false,
+  // When the last frame came, by the page's clock.
+  heard: 0,
   layers: { cones: "chosen", trails: true, belief: true, names: true, starts: true },
 };
 export const store = new Store();

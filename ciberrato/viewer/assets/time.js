@@ -4,7 +4,9 @@ import { asked, clock, dirty, link, state, store, tween } from "./state.js";
 import { between } from "./store.js";
 
 export function liveRobots(now) {
-  return between(tween.from, tween.to, Math.min(1, (now - tween.start) / tween.length));
+  // A picture's time is that of its beginning: a message that came since then has a later one.
+  const part = (now - tween.start) / tween.length;
+  return between(tween.from, tween.to, Math.min(1, Math.max(0, part)));
 }
 
 /** The robots to draw, and the frame whose numbers stand in the panels. */

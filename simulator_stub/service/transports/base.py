@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 from simulator_stub.service.readiness import Readiness
 
+Ends = tuple[str, tuple[str, int], tuple[str, int]]
+
 
 class Peer(ABC):
     """One registered client, as its transport reaches it.
@@ -19,16 +21,22 @@ class Peer(ABC):
         Transport and address, for people.
     closed : bool
         Whether nothing can reach the client any more, as far as is known.
+    ends : (str, (str, int), (str, int)) or None
+        Transport, the client's address and port, and ours, where these tell its socket from all others.
     """
 
     def __init__(self, label: str) -> None:
         self.deliver: Callable[[bytes], None] = ignore
         self.label = label
         self.closed = False
+        self.ends: Ends | None = None
 
     @abstractmethod
     def send(self, data: bytes) -> None:
         """Send a message, or lose it: no client may hold up the simulation."""
+
+    def acknowledge(self) -> None:  # noqa: B027 - most transports have nothing to do
+        """Let the client's system send on what it holds back until it knows that we have what came before."""
 
     @abstractmethod
     def close(self) -> None:

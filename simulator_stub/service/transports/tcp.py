@@ -22,6 +22,10 @@ BACKLOG_LIMIT = 1 << 20
 CONNECTION_LIMIT = 512
 """Connections at a time; further ones are closed at once."""
 
+_QUICK_ACKNOWLEDGEMENT: int | None = getattr(socket, "TCP_QUICKACK", None)
+_ONCE = 2
+"""Acknowledge what is pending, and go on delaying (an even number that is not 0, in Linux)."""
+
 
 class TcpTransport(Transport):
     """The listening socket and its connections."""
@@ -57,6 +61,7 @@ class TcpTransport(Transport):
         if len(self._connections) >= CONNECTION_LIMIT:
             connection.close()
             return
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         assert self._readiness is not None
         peer = TcpPeer(self._readiness, self._connections, connection, f"tcp {address[0]}:{address[1]}")
         newcomer = TcpNewcomer(peer)
@@ -102,7 +107,8 @@ class TcpPeer(Peer):
         self._incoming = bytearray()
         self._outgoing = bytearray()
         connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with contextlib.suppress(OSError):  # it may have gone already
+            self.ends = ("tcp", connection.getpeername(), connection.getsockname())
         connections.add(self)
         readiness.watch(connection, self._ready)
 
@@ -153,6 +159,17 @@ class TcpPeer(Peer):
         self._outgoing += data
         if len(self._outgoing) > BACKLOG_LIMIT:
             self._drop()
+
+    def acknowledge(self) -> None:
+        """Acknowledge at once what has come.
+
+        A client that has not set TCP_NODELAY holds a second short message back until the first one is
+        acknowledged (Nagle, RFC 896), which our system would do with the next Measures (delayed
+        acknowledgements, RFC 1122 4.2.3.2).
+        """
+        if _QUICK_ACKNOWLEDGEMENT is not None and not self.closed:
+            with contextlib.suppress(OSError):
+                self._socket.setsockopt(socket.IPPROTO_TCP, _QUICK_ACKNOWLEDGEMENT, _ONCE)
 
     def _flush(self) -> None:
         try:

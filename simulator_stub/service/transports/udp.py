@@ -109,6 +109,7 @@ class UdpPeer(Peer):
         super().__init__(f"udp {address[0]}:{address[1]}")
         self._transport = transport
         self._socket = own
+        self.ends = ("udp", address, own.getsockname())
 
     def read(self) -> None:
         """Take one datagram."""

@@ -1,0 +1,221 @@
+"""Without a subcommand: drive a robot through a known lab."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agent.commands import SUBCOMMANDS, option_types
+from agent.commands.files import check_output, read_lab_file
+from agent.commands.parser import DISTANCES, PRESETS, OptionParser, add_output, add_precision, add_strict
+from agent.drives.registry import DRIVES, RIGHT, forms
+from agent.run.reporter import PROGRAM, Reporter
+from ciberrato.errors import UsageError
+
+if TYPE_CHECKING:
+    from agent.run.session import Settings
+    from agent.run.signals import Interrupts
+
+DEFAULT_MAP = "standard"
+DEFAULT_LOG = Path("run.jsonl")
+
+
+def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Drive; return the exit status."""
+    settings = settings_of(options)
+    interrupts.arm()
+    views = []
+    if options.viewer is not None:
+        views.append(["overlay", str(settings.log), "-m", options.map, "--viewer", options.viewer])
+    if options.watch:
+        views.append(["watch", str(settings.log), "-m", options.map])
+    if not views:
+        return _drive(options, settings, interrupts)
+    import dataclasses
+
+    from agent.commands.beside import beside
+
+    # The screen is the watch's until the end: what is to be said is said then.
+    quiet = settings.quiet or options.watch
+    with beside(settings.log, *views):
+        status = _drive(options, dataclasses.replace(settings, quiet=quiet), interrupts)
+    if status == 0 and options.watch and not options.quiet:
+        from agent.views.inspection import inspect
+
+        inspect(settings.output)
+    return status
+
+
+def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrupts) -> int:
+    from agent.run.session import Session
+
+    reporter = Reporter(quiet=settings.quiet)
+    if not options.online and options.drive == (RIGHT, None) and not options.smooth:
+        from agent.run.published_method import PublishedMethod
+
+        published = PublishedMethod(settings, interrupts, reporter)
+        return Session(settings, interrupts, reporter, published).run()
+    from agent.run.live_method import LiveMethod, LiveSettings
+    from ciberrato.localization.evidence.start_prior import check_start, parse_start
+
+    check_start(parse_start(options.start), settings.lab)
+    drive, argument = options.drive
+    live = LiveSettings(
+        drive=drive,
+        goal=argument,
+        start=options.start,
+        smooth=options.smooth,
+        exit_when_finished=options.exit_when_finished,
+        show=not settings.quiet,
+        lockstep=options.lockstep,
+    )
+    method = LiveMethod(settings, live, interrupts, reporter)
+    return Session(settings, interrupts, reporter, method).run()
+
+
+def settings_of(options: argparse.Namespace) -> Settings:
+    """Return what the command line says of the run; complain of what cannot be."""
+    from agent.run.session import Settings
+    from ciberrato.net.address import parse_address
+
+    host, port = parse_address(options.host)
+    lab, path, data = read_lab_file(options.map, strict=options.strict)
+    check_output(options.output)
+    check_output(options.log)
+    if options.log.resolve() == options.output.resolve():
+        raise UsageError(f"--log and --output both name {options.log}")
+    return Settings(
+        host=host,
+        port=port,
+        transport=options.transport,
+        position=options.pos,
+        name=options.robname,
+        lab=lab,
+        lab_file=path,
+        lab_data=data,
+        angles=options.angles,
+        cruise=options.cruise,
+        exit_at_wall=options.exit_at_wall,
+        preset=options.preset,
+        distance_model=options.distance,
+        precision=options.precision,
+        seed=options.seed,
+        log=options.log,
+        output=options.output,
+        silence=options.silence,
+        give_up_after=options.give_up_after,
+        quiet=options.quiet,
+    )
+
+
+def make_parser() -> OptionParser:
+    """Return the parser of the subcommand."""
+    parser = OptionParser(
+        PROGRAM,
+        "Drive a robot to the right through a known lab and work out in which cell it began.\n\n"
+        f"{_line('[options]', 'drive; Ctrl-C ends the run and writes the belief file')}"
+        + "".join(_line(f"{name} {words}", what) for name, (words, what) in SUBCOMMANDS.items()),
+    )
+    add = parser.add_argument
+    add("-h", "--host", default="127.0.0.1", metavar="HOST[:PORT]", help="default: this machine, port 6000")
+    add(
+        "-p",
+        "--pos",
+        type=option_types.count,
+        default=1,
+        metavar="N",
+        help="start position, 0 = any free; default: 1",
+    )
+    add(
+        "-r",
+        "--robname",
+        type=option_types.name,
+        default="ciberrato",
+        metavar="NAME",
+        help="the robot's name",
+    )
+    add("-m", "--map", default=DEFAULT_MAP, metavar="LAB", help=f"lab file or name; default: {DEFAULT_MAP}")
+    add_strict(parser)
+    add("--transport", choices=("udp", "tcp"), default="udp", help="default: udp")
+    add("--log", type=Path, default=DEFAULT_LOG, metavar="FILE", help=f"default: {DEFAULT_LOG}")
+    add_output(parser)
+    add("--preset", choices=PRESETS, default="calibrated", help="default: calibrated")
+    add_precision(parser, default=3)
+    add("--distance", choices=DISTANCES, default="sensor", help="default: sensor")
+    add(
+        "--angles",
+        type=option_types.angles,
+        default=(0.0, 90.0, -90.0, 180.0),
+        metavar="A,B,C,D",
+        help="of the IR sensors, degrees; default: 0,90,-90,180 (--angles=-90,... if the first is negative)",
+    )
+    add(
+        "--cruise",
+        type=option_types.cruise,
+        default=0.1,
+        metavar="POWER",
+        help="motor command to 0.15; default: 0.1",
+    )
+    add("--online", action="store_true", help="know the pose while driving: print and log it every cycle")
+    add(
+        "--drive",
+        type=option_types.drive,
+        default=(RIGHT, None),
+        metavar="POLICY",
+        help=f"{_drives()}; all but the first work from an unknown pose and imply --online",
+    )
+    add(
+        "--start",
+        type=option_types.start,
+        default="anywhere",
+        metavar="WHERE",
+        help="what --online takes for possible: anywhere (any free pose, default), centres (of cells, four "
+        "headings), centres:DEGREES, X,Y or X,Y,DEGREES",
+    )
+    add("--smooth", action="store_true", help="belief file of the whole run's knowledge, for every cell")
+    add("--exit-when-finished", action="store_true", help="end the run when active or goto are done")
+    add(
+        "--lockstep",
+        action="store_true",
+        help="with a simulator in lockstep: register when the tables are there, so that a seed gives one run",
+    )
+    add("--exit-at-wall", action="store_true", help="end the run when a wall is ahead")
+    add(
+        "--silence",
+        type=option_types.seconds,
+        default=2.0,
+        metavar="SECONDS",
+        help="that end the run; default: 2",
+    )
+    add(
+        "--give-up-after",
+        type=option_types.seconds,
+        metavar="SECONDS",
+        help="without a simulator; default: never",
+    )
+    add(
+        "--seed",
+        type=option_types.count,
+        metavar="N",
+        help="of the simulation, for the log (the agent has none)",
+    )
+    add("--quiet", action="store_true", help="print nothing but errors")
+    add("--watch", action="store_true", help="show the run on one screen while it goes on")
+    add(
+        "--viewer",
+        nargs="?",
+        const="",
+        metavar="PORT",
+        help="show the belief in a ciberrato-viewer on this machine; default port: 6001",
+    )
+    return parser
+
+
+def _line(words: str, what: str) -> str:
+    return f"  {f'{PROGRAM} {words}':<40} {what}\n"
+
+
+def _drives() -> str:
+    kinds = zip(forms(), DRIVES.values(), strict=True)
+    return ", ".join(form + f" ({kind.summary})" * bool(kind.summary) for form, kind in kinds)

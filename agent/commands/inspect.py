@@ -1,0 +1,36 @@
+"""The subcommand ``inspect``: look into a belief file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agent.commands.files import read_lab_file
+from agent.commands.parser import OptionParser
+from agent.run.reporter import PROGRAM
+
+if TYPE_CHECKING:
+    from agent.run.signals import Interrupts
+
+
+def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Print what the file says, and draw it if asked to; return the exit status."""
+    import shutil
+
+    from agent.views.inspection import inspect
+
+    lab = None if options.map is None else read_lab_file(options.map)[0]
+    width = shutil.get_terminal_size().columns
+    inspect(options.file, png=options.png, lab=lab, width=width, colour=sys.stdout.isatty())
+    return 0
+
+
+def make_parser() -> OptionParser:
+    """Return the parser of the subcommand."""
+    parser = OptionParser(f"{PROGRAM} inspect", "Validate a belief file and show what it says.")
+    parser.add_argument("file", type=Path, metavar="FILE", help="the belief file, localization.out")
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw all steps there")
+    parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab over them")
+    return parser

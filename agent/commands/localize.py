@@ -1,0 +1,109 @@
+"""The subcommand ``localize``: the filter alone, from the log of a run."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agent.commands.files import check_output, read_lab_file
+from agent.commands.parser import PRESETS, OptionParser, add_output, add_precision, add_replay, add_strict
+from agent.run.reporter import PROGRAM, Reporter
+from ciberrato.errors import UsageError
+
+if TYPE_CHECKING:
+    from agent.run.signals import Interrupts
+    from ciberrato.files.run_records import RecordedRun
+    from ciberrato.world.lab import Lab
+
+
+def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Run the filter over a log, of the agent or of a simulator, and write the belief file.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    interrupts : Interrupts
+        Installed.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+
+    Raises
+    ------
+    CiberratoError
+        For what the user can put right.
+    """
+    check_output(options.output)
+    if options.animate is not None:
+        from agent.views.figures.animation import check_animation
+
+        check_animation(options.animate)
+    recorded, lab = _read(options)
+    if not recorded.steps:
+        raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
+    from agent.offline.localization import expected_readings_of, print_localization, write_localization
+
+    interrupts.arm()  # from here on a signal must not harm the file
+    header = recorded.header
+    tables = expected_readings_of(header, lab)
+    preset = header.preset if options.preset is None else options.preset
+    precision = header.precision if options.precision is None else options.precision
+    localization = write_localization(
+        recorded, tables, preset=preset, output=options.output, precision=precision
+    )
+    if not options.quiet:
+        print_localization(localization, options.output)
+    if options.animate is not None:
+        from agent.views.figures.animation import animate_run
+
+        frames = animate_run(recorded, localization.beliefs, lab, options.animate)
+        Reporter(quiet=options.quiet).say(f"animation: {options.animate}, {frames} frames")
+    return 0
+
+
+def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
+    """Read the log, whosever it is, and the lab."""
+    from agent.offline.simulator_log import is_simulator_log
+
+    if is_simulator_log(options.run):
+        from agent.offline.simulator_log import run_from_simulator_log
+
+        run, lab = run_from_simulator_log(options.run, options.angles, robot=options.robot)
+        return run, lab if options.map is None else read_lab_file(options.map, strict=options.strict)[0]
+    from ciberrato.files.run_log import read_run
+
+    run = read_run(options.run)
+    if options.map is None:
+        raise UsageError(
+            f"-m LAB is needed: {options.run} names its lab ({run.header.lab_name}) but does not hold it"
+        )
+    lab, path, data = read_lab_file(options.map, strict=options.strict)
+    if hashlib.sha256(data).hexdigest() != run.header.lab_sha256:
+        Reporter().warn(
+            f"{options.run} was recorded in {run.header.lab_name}, whose contents differ from those of {path}"
+        )
+    return run, lab
+
+
+def make_parser() -> OptionParser:
+    """Return the parser of the subcommand."""
+    parser = OptionParser(
+        f"{PROGRAM} localize",
+        "Run the filter over the log of a run and write the belief file. The log is the agent's (run.jsonl)\n"
+        "or a simulator's (--log of ciberrato-simulator or of the real one), which also holds the lab.",
+    )
+    add = parser.add_argument
+    add("run", type=Path, metavar="RUN", help="the log")
+    add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
+    add_strict(parser)
+    add_output(parser)
+    add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
+    add_precision(parser, default=None)
+    add_replay(parser)
+    add("--animate", type=Path, metavar="FILE", help="draw the run as a moving picture: .gif, .html, .mp4")
+    add("--quiet", action="store_true", help="no table")
+    return parser

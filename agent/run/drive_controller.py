@@ -1,0 +1,117 @@
+"""From Measures to commands by a drive that asks the pose filter."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+from agent.drives.base import Decision
+from agent.drives.exchange import Exchange
+from ciberrato.files.run_records import Cycle
+from ciberrato.physics.kinematics import STANDSTILL, Command
+from ciberrato.protocol.messages import Actions, Measures
+
+if TYPE_CHECKING:
+    from agent.drives.base import Drive
+    from ciberrato.localization.pose_filter import PoseFilter
+    from ciberrato.world.parameters import Parameters
+
+
+class DriveController:
+    """Lets a drive decide, message by message.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        As announced.
+    drive : Drive
+    localizer : PoseFilter
+        It has taken each message in before the controller does.
+    exit_when_finished : bool
+        Whether the run is over when the drive has nothing more to do.
+    """
+
+    def __init__(
+        self, parameters: Parameters, drive: Drive, localizer: PoseFilter, *, exit_when_finished: bool = False
+    ) -> None:
+        self.exchange = Exchange(parameters)
+        self.ended: str | None = None
+        """Why the run is over, as soon as it is."""
+        self.finished: str | None = None
+        """Why the drive has nothing more to do, as soon as that is so."""
+        self._drive = drive
+        self._localizer = localizer
+        self._exit_when_finished = exit_when_finished
+        self._name = type(drive).__name__.removesuffix("Drive").lower()
+
+    def observe(
+        self, measures: Measures, *, newest: bool = True, arrived: float | None = None
+    ) -> tuple[Cycle, Actions | None]:
+        """Take in one message and decide on the answer.
+
+        Parameters
+        ----------
+        measures : Measures
+        newest : bool
+            Whether no newer message is waiting: only the newest is answered.
+        arrived : float or None
+            When it arrived; of no matter here.
+
+        Returns
+        -------
+        cycle : Cycle
+            For the log.
+        actions : Actions or None
+            The answer; None to a message that is not the newest.
+        """
+        if not self.exchange.is_late(measures):
+            self.exchange.take(measures)
+            if measures.end_led:  # set by the drive itself: it has arrived
+                self.ended = self.finished or "EndLed is on"
+            else:
+                self.ended = self.exchange.end_of_time(measures) or self.ended
+        elif self.exchange.is_of_another_run(measures):
+            self.ended = "the simulator has begun again"
+        answered = newest and self.ended is None
+        self.exchange.unanswered += not newest
+        actions = self._answer(measures) if answered else None
+        return self._record(measures, self.exchange.command, answered), actions
+
+    def sent(self, time: float) -> None:
+        """Note when the last answer left; see `Exchange.sent`."""
+        self.exchange.sent(time)
+
+    def _answer(self, measures: Measures) -> Actions:
+        grid = self._localizer.live.filter
+        if not measures.start or grid is None:
+            return self.exchange.answer(STANDSTILL)
+        decision = self._drive.decide(measures, grid)
+        if decision.finished is not None:
+            self.finished = decision.finished
+            # Not before the answer that switches the LEDs on has come back.
+            if self._exit_when_finished and decision.end_led is None:
+                self.ended = decision.finished
+        return self._with_leds(decision)
+
+    def _with_leds(self, decision: Decision) -> Actions:
+        return dataclasses.replace(
+            self.exchange.answer(decision.command),
+            end_led=decision.end_led,
+            returning_led=decision.returning_led,
+            visiting_led=decision.visiting_led,
+        )
+
+    def _record(self, measures: Measures, command: Command | None, answered: bool) -> Cycle:
+        return Cycle(
+            time=measures.time,
+            start=measures.start,
+            stop=measures.stop,
+            collision=measures.collision,
+            compass=measures.compass,
+            ground=measures.ground,
+            infrared=measures.infrared,
+            leds=(measures.end_led, measures.returning_led, measures.visiting_led),
+            command=command,
+            answered=answered,
+            phase=self._name,
+        )

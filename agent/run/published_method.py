@@ -1,0 +1,108 @@
+"""A run by the published method: expected readings of all cells, and the filter after the run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ciberrato.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from agent.drives.right.controller import Controller
+    from agent.offline.expected_readings import ExpectedReadingsWorker
+    from agent.run.reporter import Reporter
+    from agent.run.session import Settings
+    from agent.run.signals import Interrupts
+    from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
+
+
+class PublishedMethod:
+    """Drives to the right, and localizes afterwards.
+
+    Parameters
+    ----------
+    settings : Settings
+    interrupts : Interrupts
+    reporter : Reporter
+    late : bool
+        Whether to work out the expected readings at the end of the run only, if at all.
+    """
+
+    def __init__(
+        self, settings: Settings, interrupts: Interrupts, reporter: Reporter, *, late: bool = False
+    ) -> None:
+        self._settings = settings
+        self._interrupts = interrupts
+        self._reporter = reporter
+        self._late = late
+        self._worker: ExpectedReadingsWorker | None = None
+
+    def prepare(self) -> bool:
+        """See `Method.prepare`."""
+        return True
+
+    def begin(self) -> None:
+        """See `Method.begin`."""
+        from agent.offline.expected_readings import ExpectedReadingsWorker
+
+        settings = self._settings
+        self._worker = ExpectedReadingsWorker(settings.lab, settings.angles, model=settings.distance_model)
+        if not self._late:
+            self._worker.start()
+
+    def announce(self, header: RunHeader) -> None:
+        """Tell the worker with which noise the expected readings are to be worked out."""
+        assert self._worker is not None
+        self._worker.announce(header.parameters)
+
+    def controller(self, header: RunHeader) -> Controller:
+        """See `Method.controller`."""
+        from agent.drives.right.controller import Controller
+
+        return Controller(header, exit_at_wall=self._settings.exit_at_wall)
+
+    @property
+    def failure(self) -> str | None:
+        """See `Method.failure`."""
+        failed = self._worker is not None and self._worker.error is not None
+        return "the ground truth failed" if failed else None
+
+    def report(self, cycle: Cycle) -> None:
+        """See `Method.report`."""
+
+    def finish(self, run: RecordedRun | None, reason: str, stop: Callable[[], None]) -> int:
+        """See `Method.finish`."""
+        interrupts, settings = self._interrupts, self._settings
+        if self._late and self._worker is not None:
+            self._worker.start()
+        if run is None or not any(cycle.step is not None for cycle in run.cycles):
+            if not interrupts.received:
+                raise UsageError(f"{reason}, before anything was recorded; nothing is written")
+            self._reporter.warn(f"{reason} before anything was recorded; nothing is written")
+            return interrupts.status
+        self._reporter.say(f"{reason}; finishing: writing {settings.output} (signals are ignored until then)")
+        stop()
+        assert self._worker is not None
+        from agent.offline.localization import print_localization, write_localization
+
+        try:
+            localization = write_localization(
+                run,
+                self._worker.result(),
+                preset=settings.preset,
+                output=settings.output,
+                precision=settings.precision,
+            )
+        except Exception:
+            self._reporter.warn(f"{settings.output} is not written; the log {settings.log} has the whole run")
+            raise
+        stop()
+        if not settings.quiet:
+            print_localization(localization, settings.output)
+        return 0
+
+    def close(self) -> None:
+        """See `Method.close`."""
+        if self._worker is not None:
+            self._worker.abandon()

@@ -1,0 +1,70 @@
+"""What motion models take, checked: beliefs, and commands as they come.
+
+Numpy numbers, whole floats, lists and arrays mean what ints and tuples do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ciberrato.bayes.arraytypes import FloatArray
+
+
+def whole_number(value: Any, what: str) -> int:
+    """Give a number as an int; ValueError unless it is whole."""
+    if type(value) is int:
+        return value
+    try:
+        number = int(value)
+        if not isinstance(value, str) and number == value:
+            return number
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ValueError(f"{what} must be a whole number, not {value!r}")
+
+
+def whole_numbers(values: Any, what: str) -> tuple[int, ...]:
+    """Give one number, or several, as a tuple of ints; ValueError unless all are whole."""
+    if isinstance(values, np.ndarray):
+        values = values.tolist()
+    if isinstance(values, Iterable) and not isinstance(values, str):
+        return tuple(whole_number(value, what) for value in values)
+    return (whole_number(values, what),)
+
+
+def as_command(control: Any) -> Any:
+    """Give a command as a key: lists and arrays as tuples, numpy numbers as Python's."""
+    if isinstance(control, np.ndarray | np.generic):
+        control = control.tolist()
+    if isinstance(control, list | tuple):
+        return tuple(as_command(part) for part in control)
+    return control
+
+
+def look_up(table: Mapping[Any, Any], control: Any, what: str) -> Any:
+    """Give the entry of a command, as a key of `as_command`; ValueError if there is none."""
+    command = as_command(control)
+    try:
+        if command in table:
+            return table[command]
+    except TypeError:  # not hashable
+        pass
+    known = ", ".join(map(repr, list(table)[:20]))
+    raise ValueError(f"no {what} for command {control!r}; there are {known}")
+
+
+def check_belief(belief: ArrayLike, shape: Sequence[int] | None = None) -> FloatArray:
+    """Give a belief as an array; ValueError if it has another shape, or an entry that is no probability."""
+    values: FloatArray = np.asarray(belief, dtype=float)
+    if shape is not None and values.shape != tuple(shape):
+        raise ValueError(f"belief has shape {values.shape}, the space {tuple(shape)}")
+    # nan fails both comparisons; the ufuncs themselves, because small beliefs are checked in no time.
+    lowest = np.minimum.reduce(values, axis=None, initial=0.0)
+    if not (lowest >= 0.0 and np.maximum.reduce(values, axis=None, initial=0.0) < math.inf):
+        raise ValueError("a belief must be finite and not negative")
+    return values

@@ -1,0 +1,225 @@
+"""What carries a robot's messages: a link to a simulator, or a simulation in the same process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from ciberrato.client.errors import no_answer, refused
+from ciberrato.errors import ProtocolError, UsageError
+from ciberrato.net.address import parse_address
+from ciberrato.net.link import Link, LinkError
+from ciberrato.net.tcp import TcpLink
+from ciberrato.net.udp import UdpLink
+from ciberrato.protocol import Acceptance, Refusal, RobotRegistration, decode_simulator_message, encode
+from ciberrato.protocol.messages import Actions, Measures
+
+FIRST_WAIT = 1.0
+"""Seconds until the second attempt to register. A simulator answers within a cycle; asking again sooner could
+mean being refused, or taking a second place."""
+_LONGEST_WAIT = 5.0
+
+
+class Channel(Protocol):
+    """What carries a robot's messages."""
+
+    place: str
+    """Where the simulator is, for people."""
+
+    def register(self, registration: RobotRegistration, give_up_after: float) -> Acceptance:
+        """Register a robot.
+
+        Raises
+        ------
+        SilenceError
+            If nobody answers in time.
+        RefusedError
+            If the simulator refuses it.
+        """
+
+    def send(self, actions: Actions) -> None:
+        """Send the message of a cycle."""
+
+    def receive(self, timeout: float) -> list[Measures]:
+        """Wait for Measures; return all that are there, oldest first, or none if none came in time."""
+
+    def close(self) -> None:
+        """Close; again is harmless."""
+
+
+class LinkChannel:
+    """Messages over UDP or TCP.
+
+    Parameters
+    ----------
+    host : str
+        HOST[:PORT]; port 6000 if it is not named.
+    transport : {"udp", "tcp"}
+
+    Attributes
+    ----------
+    unreadable : int
+        Messages that were not understood; they are left out.
+    """
+
+    def __init__(self, host: str, transport: str) -> None:
+        name, port = parse_address(host)
+        if transport not in ("udp", "tcp"):
+            raise UsageError(f"transport {transport!r} is neither 'udp' nor 'tcp'")
+        self.place = f"{name}:{port}"
+        self.transport = transport
+        self.link: Link = UdpLink(name, port) if transport == "udp" else TcpLink(name, port)
+        self.unreadable = 0
+        self._waiting: list[Measures] = []
+
+    def register(self, registration: RobotRegistration, give_up_after: float) -> Acceptance:
+        """Register a robot; see `Channel.register`."""
+        attempts = Attempts(give_up_after)
+        while True:
+            now = time.monotonic()
+            if attempts.over(now):
+                raise no_answer(self.place, give_up_after, self.transport)
+            if attempts.due(now):
+                self.link.register(encode(registration))
+            try:
+                data = self.link.receive(attempts.patience(time.monotonic()))
+            except LinkError:  # nobody is there yet
+                time.sleep(min(0.1, attempts.patience(time.monotonic())))
+                continue
+            answer = None if data is None else self.read_answer(data, registration)
+            if answer is not None:
+                return answer
+
+    def read_answer(self, data: bytes, registration: RobotRegistration) -> Acceptance | None:
+        """Read what may be the answer to a registration; None if it is something else."""
+        message = self._decode(data)
+        if isinstance(message, Refusal):
+            raise refused(self.place, registration.name or "", registration.robot_id)
+        return message if isinstance(message, Acceptance) else None
+
+    def send(self, actions: Actions) -> None:
+        """Send the message of a cycle; see `Channel.send`."""
+        self.link.send(encode(actions))
+
+    def receive(self, timeout: float) -> list[Measures]:
+        """Wait for Measures; see `Channel.receive`."""
+        deadline = time.monotonic() + timeout
+        while True:
+            data = self.link.receive(max(0.0, deadline - time.monotonic()))
+            if data is None:
+                return []
+            found = self.measures_in([data, *self._rest()])
+            if found:
+                return found
+
+    def measures_in(self, messages: list[bytes]) -> list[Measures]:
+        """Return the Measures among some messages."""
+        return [one for data in messages if isinstance(one := self._decode(data), Measures)]
+
+    def close(self) -> None:
+        """Close the link."""
+        self.link.close()
+
+    def _rest(self) -> list[bytes]:
+        try:
+            return self.link.receive_waiting()
+        except LinkError:  # told by the next call, once what has come is dealt with
+            return []
+
+    def _decode(self, data: bytes) -> object:
+        try:
+            return decode_simulator_message(data)
+        except ProtocolError:
+            self.unreadable += 1
+            return None
+
+
+class Attempts:
+    """When to register again, and when to give up.
+
+    Parameters
+    ----------
+    give_up_after : float
+        Seconds.
+    """
+
+    def __init__(self, give_up_after: float) -> None:
+        self._next = time.monotonic()
+        self._end = self._next + give_up_after
+        self._wait = FIRST_WAIT
+
+    def over(self, now: float) -> bool:
+        """Tell whether the time is up."""
+        return now >= self._end
+
+    def due(self, now: float) -> bool:
+        """Tell whether it is time for an attempt, and take it for made."""
+        if now < self._next:
+            return False
+        self._next = now + self._wait
+        self._wait = min(1.5 * self._wait, _LONGEST_WAIT)
+        return True
+
+    def patience(self, now: float) -> float:
+        """Return the seconds until there is something to do."""
+        return max(0.0, min(self._next, self._end) - now)
+
+
+class SteppedSimulation(Protocol):
+    """What is needed of a `simulator_stub.simulation.Simulation`."""
+
+    world: Any
+
+    def register(self, registration: RobotRegistration) -> int | None:
+        """Return the robot's position number, or None if it is refused."""
+
+    def launch(self) -> Mapping[int, Measures]:
+        """Do the two cycles that a run begins with."""
+
+    def step(self, actions: Mapping[int, Actions]) -> Mapping[int, Measures]:
+        """Do one cycle."""
+
+
+class SimulationChannel:
+    """A simulation in the same process: each message sent is a cycle, without sockets and clocks.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        To which nobody else steps meanwhile.
+    """
+
+    place = "the simulation in this process"
+
+    def __init__(self, simulation: SteppedSimulation) -> None:
+        self._simulation = simulation
+        self._robot = 0
+        self._ready: list[Measures] = []
+        self._launched = False
+
+    def register(self, registration: RobotRegistration, give_up_after: float) -> Acceptance:
+        """Register a robot; see `Channel.register`."""
+        robot = self._simulation.register(registration)
+        if robot is None:
+            raise refused(self.place, registration.name or "", registration.robot_id)
+        self._robot = robot
+        world = self._simulation.world
+        return Acceptance(parameters=world.parameters, n_beacons=len(world.lab.beacons))
+
+    def send(self, actions: Actions) -> None:
+        """Do a cycle."""
+        measures = self._simulation.step({self._robot: actions}).get(self._robot)
+        if measures is not None:
+            self._ready.append(measures)
+
+    def receive(self, timeout: float) -> list[Measures]:
+        """Return the Measures of the last cycle; starts the simulation at the first call."""
+        if not self._launched:
+            self._launched = True
+            self._ready.append(self._simulation.launch()[self._robot])
+        ready, self._ready = self._ready, []
+        return ready
+
+    def close(self) -> None:
+        """Leave the simulation as it is."""

@@ -1,0 +1,39 @@
+"""Whose log a file is: a simulator's (XML) or an agent's (JSON lines)."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+from ciberrato.errors import LabError
+
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+def is_simulator_log(path: Path) -> bool:
+    """Tell whether a file begins like a simulator's log and not like an agent's.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    LabError
+        If it cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(64)
+            if start.startswith(GZIP_MAGIC):
+                stream.seek(0)
+                start = gzip.GzipFile(fileobj=stream).read(64)
+    except (OSError, EOFError) as error:
+        raise LabError(
+            f"cannot read the log: {getattr(error, 'strerror', None) or error}", source=str(path)
+        ) from None
+    return start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<Log", b"<?xml", b"<!--"))

@@ -1,0 +1,293 @@
+"""The pose filter for any program: told every message and command, it says where the robot is.
+
+Markov localization on a grid over (x, y, heading), refined by particles (Thrun, Burgard, Fox, *Probabilistic
+Robotics*, sections 8.2 and 8.3). The lab's tables of expected readings are read from the user's cache, or
+computed by another process while the robot already drives: coarse ones first, then fine ones.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+
+from ciberrato.localization.belief.estimate import PoseEstimate
+from ciberrato.localization.evidence.start_prior import StartPrior, check_start, parse_start
+from ciberrato.localization.live.live_filter import LiveFilter
+from ciberrato.localization.records import FilterSettings
+from ciberrato.localization.tables.worker import TableWorker
+from ciberrato.physics.kinematics import Command
+from ciberrato.protocol.messages import Measures
+from ciberrato.world.lab import Lab
+from ciberrato.world.parameters import Parameters
+
+ANGLES = (0.0, 60.0, -60.0, 180.0)
+"""Mounting angles of the IR sensors in degrees, the simulator's defaults."""
+_SENSORS = 4
+_LATE = 50  # cycles; a time farther back than a late message can be is that of a new simulation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """Where the robot is, as far as is known at a message.
+
+    Attributes
+    ----------
+    time : int or None
+        Simulated cycles, of the newest message; None before the first.
+    x, y : float
+        Units from the lab's lower left corner; nan until the coarse tables are there.
+    heading : float
+        Radians within ±π, 0 along x, counter-clockwise; nan likewise.
+    probability : float
+        Of all poses within 0.5 units and 10 degrees of this one; 0 until the coarse tables are there.
+    certain : bool
+        The filter's claim to know the pose: a probability above 0.95.
+    modes : tuple of PoseEstimate
+        All poses that the belief is gathered around, the most probable first, each with its probability:
+        eight at most. Empty until the coarse tables are there.
+    entropy : float
+        Of the belief over all states, in bits; nan until the coarse tables are there.
+    behind : int
+        Messages that are not weighed yet, for lack of time or tables; dead reckoning stands in for them.
+    """
+
+    time: int | None
+    x: float
+    y: float
+    heading: float
+    probability: float
+    certain: bool
+    modes: tuple[PoseEstimate, ...]
+    entropy: float
+    behind: int
+
+
+class PoseFilter:
+    """Follows the pose of a robot in a known lab, from any start.
+
+    A context manager: entered, it fetches the tables in the background; left, it ends the processes and
+    threads that do so. Without a ``with`` block the first message (or `wait`) begins that; `close` ends it.
+
+    Parameters
+    ----------
+    lab : Lab
+    parameters : Parameters
+        As the simulator announced them: noise, latencies, which sensors there are.
+    angles : tuple of four float
+        Mounting angles of the IR sensors in degrees, counter-clockwise from the front.
+    start : str or StartPrior
+        What is possible at the start: "anywhere", "centres" (of cells, four headings), "centres:DEGREES",
+        "X,Y" or "X,Y,DEGREES".
+    settings : FilterSettings, optional
+        On the fine lattice.
+    wait : bool
+        Whether to wait for all tables now, for a recorded run or a simulation in lockstep: then every
+        message is weighed at once, and the same messages give the same estimates to the last bit.
+    budget : float, optional
+        Seconds that `observe` may take for weighing messages; those left wait for the next call. Default:
+        half of CycleTime, with `wait` no limit.
+    tables : TableWorker, optional
+        Started, and stopped by the caller; default: one of its own.
+    clock : callable
+        Seconds, for the budget.
+
+    Raises
+    ------
+    ValueError
+        If `angles` are not four finite numbers, or `budget` is not above 0.
+    UsageError
+        If `start` cannot be read or is no free place in the lab.
+
+    Examples
+    --------
+    >>> from ciberrato import PoseFilter, find_lab, read_lab
+    >>> with PoseFilter(read_lab(find_lab("maze")), parameters) as localizer:  # doctest: +SKIP
+    ...     estimate = localizer.observe(measures, command)
+    """
+
+    def __init__(
+        self,
+        lab: Lab,
+        parameters: Parameters,
+        angles: tuple[float, float, float, float] = ANGLES,
+        *,
+        start: str | StartPrior = "anywhere",
+        settings: FilterSettings | None = None,
+        wait: bool = False,
+        budget: float | None = None,
+        tables: TableWorker | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        if len(angles) != _SENSORS or not all(math.isfinite(angle) for angle in angles):
+            raise ValueError(f"angles: {angles!r} are not the mounting angles of four IR sensors, in degrees")
+        if budget is not None and not budget > 0.0:
+            raise ValueError(f"budget: {budget!r} seconds leave no time for any message")
+        prior = parse_start(start) if isinstance(start, str) else start
+        check_start(prior, lab)
+        self.lab = lab
+        self.parameters = parameters
+        self._prior = prior
+        self._settings = settings
+        self._budget = math.inf if wait and budget is None else budget
+        self._clock = clock
+        self._tables = tables or TableWorker(lab, tuple(float(angle) for angle in angles))
+        self._is_own = tables is None
+        self._started = not self._is_own
+        self._closed = False
+        self._time: int | None = None
+        self.live = self._begin()
+        """The queue of messages and the filter behind it, for programs that look deeper."""
+        if wait:
+            self.wait()
+
+    def _begin(self) -> LiveFilter:
+        return LiveFilter(
+            self.lab,
+            self.parameters,
+            self._tables,
+            start=self._prior,
+            settings=self._settings,
+            budget=self._budget,
+            clock=self._clock,
+        )
+
+    # --- tables -----------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin to fetch the tables, unless that has begun."""
+        if self._closed:
+            raise ValueError("the pose filter is closed")
+        if not self._started:
+            self._started = True
+            self._tables.start()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until all tables and the compiled loops (if numba is installed) are there.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            Seconds; default: as long as it takes.
+
+        Returns
+        -------
+        bool
+            Whether they are.
+
+        Raises
+        ------
+        Exception
+            Whatever stopped the computation.
+        """
+        self.start()
+        until = None if timeout is None else time.monotonic() + timeout
+        for ready in (self._tables.wait, self._tables.wait_for_loops):
+            if not ready(None if until is None else max(until - time.monotonic(), 0.0)):
+                return False
+        if self._tables.error is not None:
+            raise self._tables.error
+        return True
+
+    def close(self) -> None:
+        """End the processes and threads that fetch tables; more calls do no harm.
+
+        What is known stays: with the coarse tables there, messages can still be observed.
+        """
+        self._closed = True
+        if self._is_own and self._started:
+            self._tables.stop()
+            self._tables.join()
+
+    def __enter__(self) -> PoseFilter:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # --- messages ---------------------------------------------------------------------------------------
+
+    def observe(self, measures: Measures, command: Command | None = None) -> Estimate:
+        """Take in a message and return where the robot is.
+
+        Call it with every message, in order, from the first one on or from any later one. Cycles whose
+        message never came are made up for by the command; sensors that a message lacks (None) say nothing. A
+        message older than the newest changes nothing (UDP may deliver late).
+
+        Parameters
+        ----------
+        measures : Measures
+        command : (float, float) or None
+            Left and right motor command in force in the cycles before this message, in units a cycle: the
+            last one sent before it came. None: none was sent yet.
+
+        Returns
+        -------
+        Estimate
+
+        Raises
+        ------
+        ValueError
+            If the command is not two finite numbers, the time is that of a new simulation (see `reset`), or
+            the filter was closed before its coarse tables were there.
+        """
+        self.feed(measures, command)
+        return self.estimate()
+
+    def feed(self, measures: Measures, command: Command | None = None) -> None:
+        """Take in a message as `observe` does, without working out the estimate."""
+        if command is not None and not (len(command) == 2 and all(math.isfinite(c) for c in command)):
+            raise ValueError(f"command: {command!r} is not the command of two motors")
+        if self._time is not None and measures.time < self._time:
+            if self._time - measures.time > _LATE or measures.time == 0:
+                raise ValueError(
+                    f"time {measures.time} after {self._time}: the simulation has begun again; "
+                    "reset() forgets the old one"
+                )
+            return
+        if not self._closed:
+            self.start()
+        elif self.live.filter is None:
+            raise ValueError("the pose filter was closed before its tables were there")
+        self._time = measures.time
+        self.live.observe(measures, command)
+
+    def estimate(self) -> Estimate:
+        """Return where the robot is, as far as the messages so far tell."""
+        found, grid = self.live.estimate(), self.live.filter
+        if found is None or grid is None:
+            return Estimate(
+                time=self._time,
+                x=math.nan,
+                y=math.nan,
+                heading=math.nan,
+                probability=0.0,
+                certain=False,
+                modes=(),
+                entropy=math.nan,
+                behind=self.live.lag,
+            )
+        return Estimate(
+            time=self._time,
+            x=found.x,
+            y=found.y,
+            heading=found.heading,
+            probability=found.probability,
+            certain=found.certain,
+            modes=tuple(self.live.modes()),
+            entropy=grid.belief.entropy_bits(),
+            behind=self.live.lag,
+        )
+
+    def reset(self) -> None:
+        """Forget all messages, and begin anew with the same lab, parameters and start."""
+        self._time = None
+        self.live = self._begin()

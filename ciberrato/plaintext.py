@@ -1,0 +1,33 @@
+"""Names and texts of others, made harmless for terminals, figures and pages."""
+
+from __future__ import annotations
+
+import unicodedata
+
+_UNSEEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+# Joiners make letters and emoji of several signs into one: they hide nothing.
+_JOINERS = "\u200c\u200d"
+UNSEEN_SIGN = "\ufffd"
+
+
+def plain(text: str, most: int | None = None) -> str:
+    """Return a text in which nothing is unseen: no line ends, escapes, or signs that turn the text round.
+
+    Parameters
+    ----------
+    text : str
+    most : int or None
+        Length at which it is cut, with an ellipsis at the end.
+
+    Returns
+    -------
+    str
+        Each character that is not seen is U+FFFD.
+    """
+    shown = "".join(
+        UNSEEN_SIGN if unicodedata.category(sign) in _UNSEEN and sign not in _JOINERS else sign
+        for sign in (text if most is None else text[: most + 1])
+    )
+    if most is None or len(shown) <= most:
+        return shown
+    return shown[: most - 1].rstrip() + "…"

@@ -1,0 +1,78 @@
+"""What is loaded before the robot registers, and the tables from which the command line follows."""
+
+import json
+import pkgutil
+import re
+import subprocess
+import sys
+
+import pytest
+
+import agent.commands
+import agent.drives
+from agent.cli import main
+from agent.commands import DRIVE, SUBCOMMANDS
+from agent.commands.drive import make_parser
+from agent.drives.registry import DRIVES, load_drive, parse_drive, read_place
+from ciberrato.evaluation.task import DRIVES as EVALUATED
+from ciberrato.files.lab import default_lab
+from ciberrato.world.parameters import Parameters
+
+ANGLES = (0.0, 60.0, -60.0, 180.0)
+
+
+def test_before_the_registration_neither_numpy_nor_a_filter_nor_a_drive_is_loaded():
+    program = (
+        "import json, sys, agent.cli, agent.commands.drive as drive\n"
+        "drive.settings_of(drive.make_parser().parse_args([]))\n"
+        "import agent.run.session\n"
+        "print(json.dumps(sorted(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    loaded = set(json.loads(done.stdout))
+    assert "agent.run.session" in loaded
+    assert not loaded & {"numpy", "ciberrato.localization.grid_filter", "ciberrato.files.run_records"}
+    assert "ciberrato.protocol.tolerantxml" not in loaded
+    assert not loaded & {kind.home for kind in DRIVES.values()}
+
+
+def test_every_subcommand_is_a_module_and_is_told_of(capsys):
+    modules = {module.name for module in pkgutil.iter_modules(agent.commands.__path__)}
+    assert set(SUBCOMMANDS) | {DRIVE} <= modules
+    helpers = {"beside", "files", "option_types", "parser"}
+    assert modules - helpers == set(SUBCOMMANDS) | {DRIVE}
+    for name, (words, what) in SUBCOMMANDS.items():
+        assert re.search(rf"{name} {re.escape(words)} +{re.escape(what)}\n", make_parser().format_help())
+        with pytest.raises(SystemExit) as ended:
+            main([name, "--help"])
+        assert ended.value.code == 0
+        assert f"ciberrato-agent {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", [name for name in DRIVES if name != "right"])
+def test_every_drive_is_made_from_its_name(name):
+    goal = (9.0, 3.0) if DRIVES[name].argument is read_place else None
+    drive = agent.drives.make_drive(name, default_lab(), Parameters(), ANGLES, goal=goal)
+    assert type(drive).__module__ == DRIVES[name].home == load_drive(name).__name__
+    assert name in EVALUATED
+
+
+@pytest.mark.parametrize("name", ["right", "nowhere", "goto"])
+def test_no_drive_is_made_without_what_it_needs(name):
+    with pytest.raises(ValueError, match=f"no drive '{name}', or no argument"):
+        agent.drives.make_drive(name, default_lab(), Parameters(), ANGLES)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("explore", ("explore", None)), ("goto:1,2.5", ("goto", (1.0, 2.5)))]
+)
+def test_a_drive_is_read_from_the_command_line(text, expected):
+    assert parse_drive(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["", "explor", "explore:", "explore:1", "goto", "goto:", "goto:1", "goto:1,nan", "goto:1,2,3"]
+)
+def test_what_is_no_drive_is_said_with_those_there_are(text):
+    with pytest.raises(ValueError, match=f"'{text}' is not right, explore, active or goto:X,Y"):
+        parse_drive(text)

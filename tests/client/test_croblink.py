@@ -1,0 +1,161 @@
+"""`ciberrato.croblink` as agents use it."""
+
+import re
+import subprocess
+import sys
+import textwrap
+from dataclasses import replace
+
+import pytest
+
+from ciberrato import croblink
+from ciberrato.files.run_log import read_run
+from ciberrato.protocol import BeaconReading, HeardMessage, Measures, ScoreReading
+from tests.client.conftest import simulator
+
+# As the course's agents are written: a star import, a subclass with a constructor of its own, a loop that
+# ends with the program.
+AGENT = """
+import sys
+from ciberrato.croblink import *
+
+class MyRob(CRobLinkAngs):
+    def __init__(self, rob_name, rob_id, angles, host):
+        CRobLinkAngs.__init__(self, rob_name, rob_id, angles, host)
+
+    def run(self):
+        if self.status != 0:
+            print("Connection refused or error")
+            quit()
+        while True:
+            self.readSensors()
+            if self.measures.endLed:
+                print(self.robName + " exiting", self.measures.time, self.measures.compassReady)
+                quit()
+            if not self.measures.start:
+                self.driveMotors(0.0, 0.0)
+                continue
+            if self.measures.time == 20:
+                self.finish()
+            elif self.measures.irSensor[0] > 2:
+                self.driveMotors(-0.1, 0.1)
+            else:
+                self.driveMotors(0.1, 0.1)
+
+MyRob("pClient1", int(sys.argv[2]), [0.0, 60.0, -60.0, 180.0], sys.argv[1]).run()
+"""
+
+
+def run(path, host, position="1", **environment):
+    words = [sys.executable, str(path), host, position]
+    return subprocess.run(words, capture_output=True, text=True, timeout=120, check=False, **environment)
+
+
+@pytest.fixture
+def agent(tmp_path):
+    path = tmp_path / "main_rob.py"
+    path.write_text(AGENT)
+    return path
+
+
+def test_an_agent_runs_with_one_import_changed(tmp_path, agent, monkeypatch):
+    monkeypatch.setenv("CIBERRATO_LOG", str(tmp_path / "run.jsonl"))
+    with simulator("--lab", "maze", "--grid", "maze", "--autostart", "1", "--lockstep") as host:
+        done = run(agent, host)
+    assert (done.stdout, done.stderr, done.returncode) == ("pClient1 exiting 21 True\n", "", 0)
+    cycles = read_run(tmp_path / "run.jsonl").cycles
+    assert [cycle.time for cycle in cycles if cycle.start] == list(range(21))
+
+
+def test_a_refused_agent_sees_its_status(agent):
+    with simulator("--lab", "maze", "--grid", "maze") as host:
+        done = run(agent, host, position="99")
+    assert (done.stdout, done.returncode) == ("Connection refused or error\n", 0)
+
+
+def test_nobody_there_raises_what_a_socket_would(monkeypatch):
+    import socket
+
+    monkeypatch.setattr(croblink, "_SECONDS", 0.2)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as deaf:
+        deaf.bind(("127.0.0.1", 0))
+        with pytest.raises(socket.timeout, match="start one"):
+            croblink.CRobLink("r", 1, f"127.0.0.1:{deaf.getsockname()[1]}")
+
+
+def read_on(robot):
+    for _ in range(1000):
+        robot.readSensors()
+
+
+def test_silence_ends_the_program(monkeypatch, capsys):
+    monkeypatch.setattr(croblink, "_SECONDS", 0.3)
+    with simulator("--lab", "maze", "--grid", "maze") as host:
+        robot = croblink.CRobLinkAngs("r", 1, [0, 60, -60, 180], host)
+        robot.readSensors()
+    with pytest.raises(SystemExit) as ended:
+        read_on(robot)
+    robot.sock.close()
+    assert ended.value.code == 1
+    assert re.match(r"r: no Measures from the simulator for 0\.3 s \(last time 0\)", capsys.readouterr().err)
+
+
+def test_the_names_and_their_first_values():
+    first = croblink.CMeasures()
+    assert (first.compassReady, first.compass, first.time, first.ground) == (False, 0.0, 0, -1)
+    assert (first.irSensorReady, first.irSensor) == ([False] * 4, [0.0] * 4)
+    assert (first.beaconReady, first.beacon, first.hearMessage) == ([], [], "")
+    assert (first.score, first.arrivalTime, first.returningTime, first.collisions) == (
+        100000,
+        10000,
+        10000,
+        0,
+    )
+    assert (first.x, first.y, first.dir, first.gpsReady, first.gpsDirReady) == (0.0, 0.0, 0.0, False, False)
+    assert not any((first.start, first.stop, first.endLed, first.returningLed, first.visitingLed))
+    assert (croblink.NUM_IR_SENSORS, croblink.NUM_LINE_ELEMENTS, croblink.UDP_PORT) == (4, 7, 6000)
+
+
+def test_readings_under_their_names():
+    measures = Measures(
+        time=9,
+        start=True,
+        compass=-12.0,
+        ground=1,
+        collision=True,
+        infrared=(1.5, None, 0.4, 2.0),
+        beacons=(BeaconReading(beacon=0, bearing=None), BeaconReading(beacon=1, bearing=-30.0)),
+        gps=(3.5, 4.5),
+        line="0011100",
+        messages=(HeardMessage(sender=2, text="hello"), HeardMessage(sender=1, text="myself")),
+        score=ScoreReading(score=-3, arrival_time=5, collisions=2),
+    )
+    taken = croblink.CMeasures.from_measures(measures, n_beacons=2, own_id=1)
+    assert (taken.time, taken.start, taken.compass, taken.compassReady) == (9, True, -12.0, True)
+    assert (taken.irSensorReady, taken.irSensor) == ([True, False, True, True], [1.5, 0.0, 0.4, 2.0])
+    assert taken.beacon == [(False, 0.0), (True, -30.0)]
+    assert (taken.gpsReady, taken.x, taken.y) == (True, 3.5, 4.5)
+    assert taken.lineSensor == ["0", "0", "1", "1", "1", "0", "0"]
+    assert taken.hearMessage == "hello"
+    assert (taken.score, taken.arrivalTime, taken.collisions) == (-3, 5, 2)
+    bare = croblink.CMeasures.from_measures(
+        replace(measures, compass=None, line=None, beacons=()), n_beacons=1
+    )
+    assert (bare.compassReady, bare.lineSensorReady, bare.beacon) == (False, False, [(False, 0.0)])
+
+
+def test_both_spellings_are_one():
+    for camel, snake in [
+        ("readSensors", "read_sensors"),
+        ("syncRobot", "sync_robot"),
+        ("driveMotors", "drive_motors"),
+        ("setReturningLed", "set_returning_led"),
+        ("setVisitingLed", "set_visiting_led"),
+    ]:
+        assert getattr(croblink.CRobLink, camel) is getattr(croblink.CRobLink, snake)
+
+
+def test_the_star_import_brings_the_constants_and_the_classes():
+    names = {}
+    exec(textwrap.dedent("from ciberrato.croblink import *"), names)
+    assert {"CRobLink", "CRobLinkAngs", "CMeasures", "NUM_IR_SENSORS", "UDP_IP", "UDP_PORT"} <= set(names)
