@@ -74,6 +74,16 @@ def add_precision(parser: argparse.ArgumentParser, default: int | None) -> None:
     parser.add_argument("--precision", type=option_types.precision, default=default, metavar="N", help=text)
 
 
+def add_strict(parser: argparse.ArgumentParser) -> None:
+    """Add ``--strict``.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
+    parser.add_argument("--strict", action="store_true", help="refuse a lab with warnings")
+
+
 def add_replay(parser: argparse.ArgumentParser) -> None:
     """Add ``--angles`` and ``--robot``: what a simulator's log does not tell, and whose run of it is meant.
 
