@@ -50,16 +50,6 @@ def add_output(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_strict(parser: argparse.ArgumentParser) -> None:
-    """Add ``--strict``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-    """
-    parser.add_argument("--strict", action="store_true", help="refuse a lab with warnings")
-
-
 def add_precision(parser: argparse.ArgumentParser, default: int | None) -> None:
     """Add ``--precision``.
 
