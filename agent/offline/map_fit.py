@@ -29,10 +29,14 @@ if TYPE_CHECKING:
 DOUBT = 7.0
 """Deviations above the expected surprise at which the lab is called wrong (`benchmarks.wrong_map`)."""
 _OUTLIER = 0.02
-_STRAY, _BESIDE = 0.25, 0.15
+_STRAY, _BESIDE = 0.1, 0.15
 """How often a robot is farther off the centre than its error at one crossing says, as errors last from cell
 to cell; and by how many units: a reading 1/distance is off by that times its square."""
-_LASTING = 0.8
+_LEAST_VARIANCE = 0.25
+_MOST_SCORE = 3.0
+"""Deviations that one step counts for: a robot that has gone astray is surprised in a few of them, one in
+another lab in most."""
+_LASTING = 0.9
 """Share of a pose error that is the same at the next crossing."""
 _STEP = 0.1  # of the readings
 _FINE = 0.01  # expected readings are told apart to this
@@ -85,9 +89,10 @@ def map_fit(
     errors = len(expected.weights)
     # Of cells and pose errors at the crossing; the robot begins in a centre, without any.
     weights = prior[np.newaxis]
-    surprise, variance, count = 0.0, 0.0, 0
+    scores, count = [], 0
     for step, reading in enumerate(np.array(readings, dtype=float)):  # None becomes nan
         ideal = expected.readings[np.newaxis]
+        surprise, variance, heard = 0.0, 0.0, 0
         if step > 0:
             moved = np.array([motion.predict(each, "east") for each in weights])
             open_share = float(moved.sum())
@@ -105,11 +110,14 @@ def map_fit(
             told = _Prediction(ideal[..., sensor], weights, noise)
             surprise += -math.log(told.probability(value)) - told.entropy
             variance += told.variance
-            count += 1
+            heard += 1
             weights = weights * told.likelihood(value)
             weights = weights / weights.sum()
-    # The deviation of one exact reading may be all but 0; a reading is never more certain than this.
-    return Fit(surprise / math.sqrt(variance + 0.25 * count) if count else 0.0, count)
+        if heard:
+            # The deviation of an exact reading may be all but 0; none is ever more certain than this.
+            scores.append(min(surprise / math.sqrt(variance + _LEAST_VARIANCE * heard), _MOST_SCORE))
+            count += heard
+    return Fit(sum(scores) / math.sqrt(len(scores)) if scores else 0.0, count)
 
 
 class _Prediction:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from ciberrato.errors import UsageError
 from ciberrato.files.lab import default_lab, read_lab
 from ciberrato.files.simulator_log import read_simulator_log
 from ciberrato.files.start_grid import default_grid, read_grid
@@ -38,6 +39,21 @@ def test_files_are_found_by_name_and_by_path_and_announced_as_given() -> None:
     lab, grid, parameters = world_of("--lab", "corridors", "--grid", path, "--param", "harsh")
     assert (lab, grid) == (read_lab(find_lab("corridors")), read_grid(path))
     assert (parameters.motors_noise, parameters.lab_file, parameters.grid_file) == (5.0, "corridors", path)
+
+
+def test_scoring_modes_have_names() -> None:
+    from simulator_stub.options import SCORING_MODES
+    from simulator_stub.scoring import SCORINGS
+
+    assert sorted(SCORING_MODES) == sorted(SCORINGS)
+    for number, name in SCORING_MODES.items():
+        assert SCORINGS[number].__name__.lower() == name.replace("-", "")
+        for text in (str(number), name, name.upper(), name.replace("-", "_")):
+            assert parse_arguments(["--scoring", text]).scoring == number
+    with pytest.raises(
+        UsageError, match=r"'contol' is not a scoring mode; .*1 control.*did you mean 'control'"
+    ):
+        parse_arguments(["--scoring", "contol"])
 
 
 def test_poses_may_be_given_in_place_and_are_not_announced() -> None:
