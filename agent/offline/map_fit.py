@@ -26,16 +26,14 @@ from ciberrato.infrared.model import reading_log_likelihood
 if TYPE_CHECKING:
     from agent.offline.expected_readings import ExpectedReadings
 
-DOUBT = 7.0
-"""Deviations above the expected surprise at which the lab is called wrong (`benchmarks.wrong_map`)."""
+DOUBT, MOST_DOUBT = 4.5, 7.0
+"""Deviations above the expected surprise at which the lab is called wrong: in short runs, and in long ones, in
+which the errors of the pose last from cell to cell (`benchmarks.wrong_map`)."""
 _OUTLIER = 0.02
 _STRAY, _BESIDE = 0.1, 0.15
 """How often a robot is farther off the centre than its error at one crossing says, as errors last from cell
 to cell; and by how many units: a reading 1/distance is off by that times its square."""
-_LEAST_VARIANCE = 0.25
-_MOST_SCORE = 3.0
-"""Deviations that one step counts for: a robot that has gone astray is surprised in a few of them, one in
-another lab in most."""
+_LEAST_VARIANCE = 0.25  # of the surprise of a reading
 _LASTING = 0.9
 """Share of a pose error that is the same at the next crossing."""
 _STEP = 0.1  # of the readings
@@ -52,16 +50,16 @@ class Fit(NamedTuple):
     ----------
     score : float
         Deviations by which the surprise is above its expectation; 0 without readings.
-    readings : int
+    steps : int
     """
 
     score: float
-    readings: int
+    steps: int
 
     @property
     def is_doubtful(self) -> bool:
         """Whether the lab is likely to be another one."""
-        return self.score > DOUBT
+        return self.score > min(max(DOUBT + 0.5 * (self.steps - 4), DOUBT), MOST_DOUBT)
 
 
 def map_fit(
@@ -89,10 +87,9 @@ def map_fit(
     errors = len(expected.weights)
     # Of cells and pose errors at the crossing; the robot begins in a centre, without any.
     weights = prior[np.newaxis]
-    scores, count = [], 0
+    surprise, variance, count = 0.0, 0.0, 0
     for step, reading in enumerate(np.array(readings, dtype=float)):  # None becomes nan
         ideal = expected.readings[np.newaxis]
-        surprise, variance, heard = 0.0, 0.0, 0
         if step > 0:
             moved = np.array([motion.predict(each, "east") for each in weights])
             open_share = float(moved.sum())
@@ -110,14 +107,12 @@ def map_fit(
             told = _Prediction(ideal[..., sensor], weights, noise)
             surprise += -math.log(told.probability(value)) - told.entropy
             variance += told.variance
-            heard += 1
+            count += 1
             weights = weights * told.likelihood(value)
             weights = weights / weights.sum()
-        if heard:
-            # The deviation of an exact reading may be all but 0; none is ever more certain than this.
-            scores.append(min(surprise / math.sqrt(variance + _LEAST_VARIANCE * heard), _MOST_SCORE))
-            count += heard
-    return Fit(sum(scores) / math.sqrt(len(scores)) if scores else 0.0, count)
+    # The deviation of an exact reading may be all but 0; none is ever more certain than this.
+    deviation = math.sqrt(variance + _LEAST_VARIANCE * count)
+    return Fit(surprise / deviation if count else 0.0, len(readings))
 
 
 class _Prediction:
