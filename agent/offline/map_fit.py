@@ -3,8 +3,9 @@
 The filter runs on the exact model of `agent.offline.localizer` (`calibrated`), reading by reading. The
 surprise of a reading is the negative natural logarithm of its probability given all before it; the model
 itself says what surprise it expects and with which variance: the entropy of the prediction and that of its
-logarithm. In the right lab the surprises less their expectations are martingale differences, and their sum
-over the root of the variances has mean 0 and deviation 1, whatever lab and noise. In a wrong one it is large.
+logarithm. In the right lab the surprises less their expectations are all but martingale differences, and
+their sum over the root of the variances has a mean of about 0 and a deviation of about 1, whatever lab and
+noise. In a wrong one it is large.
 
 A reading that the model all but excludes (the robot was farther off the centre than it should be) counts as
 an outlier of small probability: one of them is no reason to doubt the lab.

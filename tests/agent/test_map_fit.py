@@ -36,14 +36,15 @@ def test_the_right_lab_is_not_doubted_and_another_is(seed: int) -> None:
     assert scores["rooms"].is_doubtful
 
 
-def test_the_surprise_of_the_right_lab_has_mean_0_and_deviation_1_at_most() -> None:
-    """By sampling: what makes the threshold one of standard deviations."""
+def test_the_right_lab_surprises_no_more_than_expected() -> None:
+    """By sampling exact readings: the model allows for strays, so that they surprise it rather less."""
     expected = compute_expected_readings(read_lab(find_lab("standard")), ANGLES, QUIET)
     scores = [
-        map_fit(readings_of("standard", 3, range(2, 8), seed), expected, 0.1).score for seed in range(60)
+        map_fit(readings_of("standard", 3, range(2, 8), seed), expected, 0.1).score for seed in range(30)
     ]
-    assert abs(np.mean(scores)) < 0.6
+    assert -1.5 < np.mean(scores) < 0.0
     assert 0.3 < np.std(scores) < 1.2
+    assert max(scores) < 3.0
 
 
 def test_long_runs_need_more_than_short_ones() -> None:
