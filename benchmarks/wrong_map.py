@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agent.offline.expected_readings import ExpectedReadings, compute_expected_readings
-from agent.offline.map_fit import DOUBT, map_fit
+from agent.offline.map_fit import map_fit
 from ciberrato.evaluation.episode import ANGLES, RIGHT_ANGLES, lab_of, tables_of
 from ciberrato.files.parameters import read_parameters
 from ciberrato.files.run_records import RunHeader
@@ -141,7 +141,7 @@ def table(outcomes: Sequence[Outcome]) -> str:
             f"{name:8} {len(some):6} {alarms:7} {alarms / len(some):8.2%}   "
             f"{np.median(levels):.2f}, {tail[0]:.2f}, {tail[1]:.2f}"
         )
-    return "\n".join([*lines, f"(threshold of the published method: {DOUBT:g})"])
+    return "\n".join(lines)
 
 
 def _parameters(generator: np.random.Generator) -> Parameters:

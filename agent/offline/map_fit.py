@@ -3,8 +3,9 @@
 The filter runs on the exact model of `agent.offline.localizer` (`calibrated`), reading by reading. The
 surprise of a reading is the negative natural logarithm of its probability given all before it; the model
 itself says what surprise it expects and with which variance: the entropy of the prediction and that of its
-logarithm. In the right lab the surprises less their expectations are martingale differences, and their sum
-over the root of the variances has mean 0 and deviation 1, whatever lab and noise. In a wrong one it is large.
+logarithm. In the right lab the surprises less their expectations are all but martingale differences, and
+their sum over the root of the variances has a mean of about 0 and a deviation of about 1, whatever lab and
+noise. In a wrong one it is large.
 
 A reading that the model all but excludes (the robot was farther off the centre than it should be) counts as
 an outlier of small probability: one of them is no reason to doubt the lab.
@@ -26,13 +27,15 @@ from ciberrato.infrared.model import reading_log_likelihood
 if TYPE_CHECKING:
     from agent.offline.expected_readings import ExpectedReadings
 
-DOUBT = 7.0
-"""Deviations above the expected surprise at which the lab is called wrong (`benchmarks.wrong_map`)."""
+DOUBT, MOST_DOUBT = 4.5, 7.0
+"""Deviations above the expected surprise at which the lab is called wrong: in short runs, and in long ones, in
+which the errors of the pose last from cell to cell (`benchmarks.wrong_map`)."""
 _OUTLIER = 0.02
-_STRAY, _BESIDE = 0.25, 0.15
+_STRAY, _BESIDE = 0.1, 0.15
 """How often a robot is farther off the centre than its error at one crossing says, as errors last from cell
 to cell; and by how many units: a reading 1/distance is off by that times its square."""
-_LASTING = 0.8
+_LEAST_VARIANCE = 0.25  # of the surprise of a reading
+_LASTING = 0.9
 """Share of a pose error that is the same at the next crossing."""
 _STEP = 0.1  # of the readings
 _FINE = 0.01  # expected readings are told apart to this
@@ -48,16 +51,16 @@ class Fit(NamedTuple):
     ----------
     score : float
         Deviations by which the surprise is above its expectation; 0 without readings.
-    readings : int
+    steps : int
     """
 
     score: float
-    readings: int
+    steps: int
 
     @property
     def is_doubtful(self) -> bool:
         """Whether the lab is likely to be another one."""
-        return self.score > DOUBT
+        return self.score > min(max(DOUBT + 0.5 * (self.steps - 4), DOUBT), MOST_DOUBT)
 
 
 def map_fit(
@@ -108,8 +111,9 @@ def map_fit(
             count += 1
             weights = weights * told.likelihood(value)
             weights = weights / weights.sum()
-    # The deviation of one exact reading may be all but 0; a reading is never more certain than this.
-    return Fit(surprise / math.sqrt(variance + 0.25 * count) if count else 0.0, count)
+    # The deviation of an exact reading may be all but 0; none is ever more certain than this.
+    deviation = math.sqrt(variance + _LEAST_VARIANCE * count)
+    return Fit(surprise / deviation if count else 0.0, len(readings))
 
 
 class _Prediction:

@@ -160,6 +160,8 @@ class Session:
         simulation.end_cycle()
         if simulation.state is not before:
             self._state_changed()
+        if self.robots and not self._told_of_start:
+            self._tell_of_start()
         while simulation.scoring.notes:
             self._notify(simulation.scoring.notes.pop(0))
 
@@ -217,11 +219,10 @@ class Session:
         self.robots = dict(sorted(self.robots.items()))
         peer.send(self._reply)
         self._notify(f"robot {robot_id}, {registration.name!r}, registered from {peer.label}")
-        self._tell_of_start()
 
     def _tell_of_start(self) -> None:
         """Say once what a robot that is there waits for."""
-        if self._told_of_start or self.simulation.state is not SimulatorState.STOPPED or self.start_is_due:
+        if self.simulation.state is not SimulatorState.STOPPED or self.start_is_due:
             return
         self._told_of_start = True
         missing = 0 if self._autostarted else self._autostart - len(self.robots)

@@ -179,3 +179,13 @@ def test_quiet_is_quiet(run: Runner, capsys: pytest.CaptureFixture[str]) -> None
     assert run([ACCEPTED, measures(0)], [measures(1)], options=("--quiet",))[0] == 0
     captured = capsys.readouterr()
     assert captured.out == captured.err == ""
+
+
+def test_a_robot_that_waits_for_start_says_so_once(run: Runner, capsys: pytest.CaptureFixture[str]) -> None:
+    stopped = encode(Measures(time=0, stop=True, infrared=(0.5, 0.5, 0.5, 0.5)))
+    status, _ = run([ACCEPTED, stopped], *([stopped] for _ in range(12)), [measures(0)], [measures(1)])
+    assert status == 0
+    assert capsys.readouterr().err.count("waiting for Start") == 1
+    status, _ = run([ACCEPTED, stopped], [stopped], [measures(0)], [measures(1)])
+    assert status == 0
+    assert "waiting for Start" not in capsys.readouterr().err

@@ -113,3 +113,39 @@ def test_a_log_is_sent_as_datagrams(tmp_path):
     assert (belief.time, pose.time) == (20, 40)
     assert belief.belief.cells.shape == (7, 14)
     assert pose.belief is None
+
+
+def test_a_drive_without_tables_shows_no_belief(tmp_path):
+    """The readings of another drive than the one to the right are no readings of cells on the way right."""
+    import io
+
+    from agent.views.watching import watch
+
+    readings = (0.5, 1.9, 2.1, 0.8)
+    cycles = [Cycle(time=0, start=True, infrared=readings, phase="explore", step=0, readings=readings)]
+    cycles += [Cycle(time=time, start=True, infrared=readings, phase="explore") for time in range(1, 20)]
+    path = tmp_path / "run.jsonl"
+    with RunWriter(path, HEADER) as writer:
+        for cycle in cycles:
+            writer.write(cycle)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(10)
+        with OverlayClient(port=receiver.getsockname()[1]) as client:
+            show_overlays(path, LAB, client, idle_limit=0.05)
+        told = decode_overlay(receiver.recv(1 << 16))
+        receiver.settimeout(0.0)
+        assert told.belief is None
+        assert told.shapes == ()
+    out = io.StringIO()
+    watch(path, LAB, out=out, once=True, colour=False)
+    assert "nothing is known of the pose yet" in out.getvalue()
+    assert "most likely" not in out.getvalue()
+    found = Cycle(time=20, estimate=(3.5, 4.5, 90.0, 0.97), cells=((2, 1, 0.97),), phase="explore")
+    with RunWriter(path, HEADER) as writer:
+        for cycle in (*cycles, found):
+            writer.write(cycle)
+    out = io.StringIO()
+    watch(path, LAB, out=out, once=True, colour=False)
+    assert "belief of the live filter at cycle 20: cell (3, 5), p 0.970" in out.getvalue()
+    assert "cell (3, 5)  x 3.50" in out.getvalue()

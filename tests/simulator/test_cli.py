@@ -41,6 +41,21 @@ def test_files_are_found_by_name_and_by_path_and_announced_as_given() -> None:
     assert (parameters.motors_noise, parameters.lab_file, parameters.grid_file) == (5.0, "corridors", path)
 
 
+def test_scoring_modes_have_names() -> None:
+    from simulator_stub.options import SCORING_MODES
+    from simulator_stub.scoring import SCORINGS
+
+    assert sorted(SCORING_MODES) == sorted(SCORINGS)
+    for number, name in SCORING_MODES.items():
+        assert SCORINGS[number].__name__.lower() == name.replace("-", "")
+        for text in (str(number), name, name.upper(), name.replace("-", "_")):
+            assert parse_arguments(["--scoring", text]).scoring == number
+    with pytest.raises(
+        UsageError, match=r"'contol' is not a scoring mode; .*1 control.*did you mean 'control'"
+    ):
+        parse_arguments(["--scoring", "contol"])
+
+
 def test_poses_may_be_given_in_place_and_are_not_announced() -> None:
     _, grid, parameters = world_of("--grid", "5,7,0; 9.5,-3,-90.5;")
     positions = [(p.x, p.y, p.direction) for p in grid.positions]  # type: ignore[attr-defined]

@@ -315,3 +315,28 @@ def test_where_no_socket_is_left_the_simulator_goes_on(session: Session, join: A
     session.cycle()
     assert kinds(robot) == ["Measures"]
     assert list(session.robots) == [1]
+
+
+@pytest.mark.parametrize(
+    ("autostart", "told"),
+    [
+        (0, ["waiting for Start (a viewer"]),
+        (1, []),
+        (2, ["waiting for 1 more robot, or for Start (a viewer"]),
+    ],
+)
+def test_a_robot_that_waits_for_start_is_told_of_once(
+    autostart: int, told: list[str], open_lab: Lab, three_places: StartGrid, quiet: Parameters, newcomer: Any
+) -> None:
+    lines: list[str] = []
+    session = Session(Simulation(open_lab, three_places, quiet), autostart=autostart, notify=lines.append)
+    session.cycle()
+    session.welcome(newcomer(), ROBOT % (1, 1))
+    for _ in range(10):
+        session.cycle()
+    session.welcome(newcomer(), ROBOT % (2, 2))
+    for _ in range(10):
+        session.cycle()
+    waiting = [line for line in lines if "waiting for" in line]
+    assert len(waiting) == len(told)
+    assert all(line.startswith(text) for line, text in zip(waiting, told, strict=True))
