@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from agent.offline.expected_readings import ExpectedReadings
 
 DOUBT, MOST_DOUBT = 4.5, 7.0
-"""Deviations above the expected surprise at which the lab is called wrong: in short runs, and in long ones, in
-which the errors of the pose last from cell to cell (`benchmarks.wrong_map`)."""
+"""Deviations above the expected surprise at which the lab is called wrong: in short runs, and in long ones,
+in which the errors of the pose last from cell to cell (`benchmarks.wrong_map`)."""
 _OUTLIER = 0.02
 _STRAY, _BESIDE = 0.1, 0.15
 """How often a robot is farther off the centre than its error at one crossing says, as errors last from cell
