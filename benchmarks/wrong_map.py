@@ -113,8 +113,8 @@ def live(seed: int, cycles: int) -> list[Outcome]:
         place = generator.choice(np.flatnonzero(lattice.clearance >= 0.6))
         start = float(lattice.x[place]), float(lattice.y[place]), float(generator.uniform(-180.0, 180.0))
         simulation, robot = _world(world, start, parameters, ANGLES, seed)
-        lab, tables = lab_of(told), [tables_of(told, ANGLES, resolution) for resolution in (COARSE, FINE)]
-        pose_filter = staged_filter(lab, *tables, parameters)
+        lab, coarse, fine = lab_of(told), tables_of(told, ANGLES, COARSE), tables_of(told, ANGLES, FINE)
+        pose_filter = staged_filter(lab, coarse, fine, parameters)
         drive = make_drive("explore", lab, parameters, ANGLES)
         measures, command, claims = simulation.launch()[robot], None, 0
         for _ in range(cycles):

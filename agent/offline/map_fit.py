@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from agent.offline.expected_readings import ExpectedReadings
 
 DOUBT, MOST_DOUBT = 4.5, 7.0
-"""Deviations above the expected surprise at which the lab is called wrong: in short runs, and in long ones, in
-which the errors of the pose last from cell to cell (`benchmarks.wrong_map`)."""
+"""Deviations above the expected surprise at which the lab is called wrong: in short runs, and in long ones,
+in which the errors of the pose last from cell to cell (`benchmarks.wrong_map`)."""
 _OUTLIER = 0.02
 _STRAY, _BESIDE = 0.1, 0.15
 """How often a robot is farther off the centre than its error at one crossing says, as errors last from cell
@@ -121,7 +121,8 @@ class _Prediction:
 
     def __init__(self, ideal: Floats, weights: Floats, noise: float) -> None:
         levels, self._level = np.unique(np.round(ideal / _FINE).astype(np.int64), return_inverse=True)
-        self._levels, self._noise = levels * _FINE, noise
+        self._levels: Floats = np.asarray(levels * _FINE, np.float64)
+        self._noise = noise
         self._level = self._level.reshape(ideal.shape)
         shares = np.bincount(self._level.ravel(), np.broadcast_to(weights, ideal.shape).ravel())
         used = shares > 1e-9
