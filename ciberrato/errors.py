@@ -43,6 +43,27 @@ class UsageError(CiberratoError):
     """The command line, or another argument, cannot be used as given."""
 
 
+def nearest_name(name: str, names: Iterable[str]) -> str | None:
+    """Find the right name that a wrong one was probably meant to be.
+
+    Parameters
+    ----------
+    name : str
+    names : iterable of str
+        The right ones.
+
+    Returns
+    -------
+    str or None
+        None if no right name is like it. Small and capital letters do not matter.
+    """
+    import difflib  # needed after mistakes only
+
+    right = {candidate.lower(): candidate for candidate in names}
+    close = difflib.get_close_matches(name.lower(), right, n=1, cutoff=0.6)
+    return right[close[0]] if close else None
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'maze'?"`` for the end of a message, or nothing where no known name is near.
 
@@ -57,7 +78,5 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     -------
     str
     """
-    import difflib  # needed after mistakes only
-
-    found = difflib.get_close_matches(name.lower(), list(known), 1, 0.6)
-    return f"; did you mean {found[0]!r}?" if found else ""
+    meant = nearest_name(name, known)
+    return "" if meant is None else f"; did you mean {meant!r}?"

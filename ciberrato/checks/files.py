@@ -11,8 +11,8 @@ from ciberrato.checks.free_space import free_space
 from ciberrato.checks.likeness import likeness_findings
 from ciberrato.checks.schema import schema_findings
 from ciberrato.checks.things import reach_findings, start_findings, thing_findings
-from ciberrato.errors import LabError, UsageError
-from ciberrato.files.findings import Finding, nearest_name
+from ciberrato.errors import LabError, UsageError, nearest_name
+from ciberrato.files.findings import Finding
 from ciberrato.files.lab import LabFile, parse_lab_file
 from ciberrato.files.parameters import ParameterFile, parse_parameter_file
 from ciberrato.files.start_grid import GridFile, parse_grid_file

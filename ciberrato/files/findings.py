@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -55,25 +54,6 @@ class Finding:
     def __str__(self) -> str:
         place = ":".join(str(part) for part in (self.source or None, self.line) if part is not None)
         return f"{place}: {self.text}" if place else self.text
-
-
-def nearest_name(name: str, names: Iterable[str]) -> str | None:
-    """Find the right name that a wrong one was probably meant to be.
-
-    Parameters
-    ----------
-    name : str
-    names : iterable of str
-        The right ones.
-
-    Returns
-    -------
-    str or None
-        None if no right name is like it. Small and capital letters do not matter.
-    """
-    right = {candidate.lower(): candidate for candidate in names}
-    close = difflib.get_close_matches(name.lower(), right, n=1, cutoff=0.6)
-    return right[close[0]] if close else None
 
 
 def warnings_of(findings: Iterable[Finding]) -> tuple[str, ...]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ciberrato.files.findings import Finding, nearest_name, warnings_of
+from ciberrato.errors import nearest_name
+from ciberrato.files.findings import Finding, warnings_of
 from ciberrato.files.xml import Reader, read_file
 from ciberrato.files.xml_document import Element, parse_elements
 from ciberrato.world.parameter_names import FILE_NAMES, INTEGERS, REALS, SWITCHES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ciberrato.files.findings import nearest_name
+from ciberrato.errors import nearest_name
 from ciberrato.files.xml import Reader
 from ciberrato.files.xml_document import Element
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ciberrato.arrays import Floats
-from ciberrato.errors import LabError
+from ciberrato.errors import LabError, UsageError
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.lab import parse_lab
 from ciberrato.files.run_log import read_run
@@ -59,18 +59,29 @@ def load_recording(
     run = read_run(path)
     header, steps = run.header, run.steps
     lab = _find(header, lab_name, path)
-    posteriors = _filtered(header, steps, lab) if beliefs is None else _read_beliefs(beliefs, len(steps), lab)
+    if not run.drives_right and not any(cycle.estimate for cycle in run.cycles):
+        raise UsageError(
+            f"{path}: holds no poses to show: log with a live filter (localize=), or show the simulator's log"
+        )
+    if beliefs is not None:
+        posteriors = _read_beliefs(beliefs, len(steps), lab)
+    else:
+        # Only a run to the right has readings from cell after cell, for the published method.
+        posteriors = _filtered(header, steps, lab) if run.drives_right else []
     column, row = start if start is not None else _start_cell(posteriors)
     session = Session(path.name, recording=True)
     session.world.lab = lab
     session.world.receive(Acceptance(parameters=header.parameters), 0.0)
     _show_frames(session, run, (CELL_SIZE * (column + 0.5), CELL_SIZE * (row + 0.5)))
     robot = _robot_id(header)
-    for step, posterior in zip(steps, posteriors, strict=False):
+    shown = [(step.time, posterior) for step, posterior in zip(steps, posteriors, strict=False)]
+    if not shown:
+        shown = [(cycle.time, _logged_belief(cycle.cells, lab)) for cycle in run.cycles if cycle.cells]
+    for time, posterior in shown:
         message = OverlayMessage(
             source=SOURCE,
             robot=robot,
-            time=step.time,
+            time=time,
             angles=header.sensor_angles,
             belief=GridBelief(cells=posterior),
         )
@@ -78,11 +89,21 @@ def load_recording(
     return session
 
 
+def _logged_belief(cells: tuple[tuple[int, int, float], ...], lab: Lab) -> Floats:
+    """Return the cells that a live filter logged as possible; the others have next to nothing."""
+    belief = np.full((lab.rows, lab.columns), 1e-12)
+    for row, column, probability in cells:
+        belief[row, column] += probability
+    return belief
+
+
 def _find(header: RunHeader, lab_name: str | None, path: Path) -> Lab:
     name = header.lab_name
+    if not name and lab_name is None:
+        raise UsageError(f"{path}: does not name its lab: give it with -m LAB")
     file = find_lab(lab_name if lab_name is not None else name)
     data = file.read_bytes()
-    if hashlib.sha256(data).hexdigest() != header.lab_sha256:
+    if name and hashlib.sha256(data).hexdigest() != header.lab_sha256:
         raise LabError(
             f"recorded in another lab ({name}) than {file.name}; give it with -m", source=str(path), line=1
         )

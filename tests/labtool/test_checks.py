@@ -15,8 +15,7 @@ from ciberrato.checks.free_space import free_space
 from ciberrato.checks.likeness import turns_alike, twin_parts
 from ciberrato.checks.schema import KINDS, schema_file, schema_findings
 from ciberrato.checks.things import start_findings, thing_findings
-from ciberrato.errors import LabError
-from ciberrato.files.findings import nearest_name
+from ciberrato.errors import LabError, nearest_name
 from ciberrato.files.lab import LabFile, parse_lab_file, read_lab
 from ciberrato.files.parameters import read_parameters_with_warnings
 from ciberrato.files.start_grid import parse_grid, parse_grid_file, read_grid_with_warnings

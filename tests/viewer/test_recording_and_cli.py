@@ -15,15 +15,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ciberrato.errors import LabError
+from ciberrato.errors import LabError, UsageError
 from ciberrato.files.beliefs import write_beliefs
 from ciberrato.files.lab import read_lab
+from ciberrato.files.run_log import RunWriter
+from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.infrared.model import cell_readings, round_reading
 from ciberrato.labs import find_lab
 from ciberrato.viewer.cli import main
 from ciberrato.viewer.page_messages import AskBelief, AskFrames
 from ciberrato.viewer.recording import load_recording
 from ciberrato.viewer.simulator_log import load_simulator_log
+from ciberrato.world.parameters import Parameters
 
 from .conftest import SECONDS
 
@@ -254,3 +257,29 @@ def test_it_ends_with_whoever_started_it():
         assert process.stdout.readline().startswith("page: ")
         process.stdin.close()
         assert process.wait(timeout=SECONDS) == 0
+
+
+def test_a_clients_log_shows_its_live_poses_and_one_without_poses_says_so(tmp_path):
+    cells = ((2, 3, 0.75), (0, 0, 0.25))
+    cycles = [
+        Cycle(time=0, start=True),
+        Cycle(time=1, start=True, estimate=(7.0, 5.0, 90.0, 0.75), cells=cells),
+    ]
+    lab = find_lab("maze")
+    known = RunHeader(
+        lab_name=lab.name, lab_sha256=hashlib.sha256(lab.read_bytes()).hexdigest(), parameters=Parameters()
+    )
+    unknown = RunHeader(lab_name="", lab_sha256=hashlib.sha256(b"").hexdigest(), parameters=Parameters())
+    for name, header, written in [("a", known, cycles), ("b", known, cycles[:1]), ("c", unknown, cycles)]:
+        with RunWriter(tmp_path / name, header) as writer:
+            for cycle in written:
+                writer.write(cycle)
+    session = load_recording(tmp_path / "a")
+    belief = json.loads(session.answer(AskBelief("log", 1)))["belief"]
+    assert belief["modes"][0][:2] == [2, 3]
+    assert belief["modes"][0][2] == pytest.approx(0.75, abs=0.01)
+    with pytest.raises(UsageError, match="holds no poses"):
+        load_recording(tmp_path / "b")
+    with pytest.raises(UsageError, match="give it with -m"):
+        load_recording(tmp_path / "c")
+    load_recording(tmp_path / "c", "maze")
