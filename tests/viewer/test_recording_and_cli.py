@@ -261,25 +261,23 @@ def test_it_ends_with_whoever_started_it():
 
 def test_a_clients_log_shows_its_live_poses_and_one_without_poses_says_so(tmp_path):
     cells = ((2, 3, 0.75), (0, 0, 0.25))
-    cycles = [
-        Cycle(time=0, start=True),
-        Cycle(time=1, start=True, estimate=(7.0, 5.0, 90.0, 0.75), cells=cells),
-    ]
+    found = Cycle(time=1, start=True, estimate=(7.0, 5.0, 90.0, 0.75), cells=cells)
+    cycles = [Cycle(time=0, start=True), found]
     lab = find_lab("maze")
-    known = RunHeader(
-        lab_name=lab.name, lab_sha256=hashlib.sha256(lab.read_bytes()).hexdigest(), parameters=Parameters()
-    )
-    unknown = RunHeader(lab_name="", lab_sha256=hashlib.sha256(b"").hexdigest(), parameters=Parameters())
+    common = {"parameters": Parameters(), "sensor_angles": (0.0, 60.0, -60.0, 180.0)}
+    digest = hashlib.sha256(lab.read_bytes()).hexdigest()
+    known = RunHeader(lab_name=lab.name, lab_sha256=digest, **common)
+    unknown = RunHeader(lab_name="", lab_sha256=hashlib.sha256(b"").hexdigest(), **common)
     for name, header, written in [("a", known, cycles), ("b", known, cycles[:1]), ("c", unknown, cycles)]:
         with RunWriter(tmp_path / name, header) as writer:
             for cycle in written:
                 writer.write(cycle)
-    session = load_recording(tmp_path / "a")
+    session = load_recording(tmp_path / "a", None, None)
     belief = json.loads(session.answer(AskBelief("log", 1)))["belief"]
     assert belief["modes"][0][:2] == [2, 3]
     assert belief["modes"][0][2] == pytest.approx(0.75, abs=0.01)
     with pytest.raises(UsageError, match="holds no poses"):
-        load_recording(tmp_path / "b")
+        load_recording(tmp_path / "b", None, None)
     with pytest.raises(UsageError, match="give it with -m"):
-        load_recording(tmp_path / "c")
-    load_recording(tmp_path / "c", "maze")
+        load_recording(tmp_path / "c", None, None)
+    load_recording(tmp_path / "c", "maze", None)
