@@ -170,8 +170,8 @@ def refuse_negative_map(mean: FloatArray) -> None:
     if mean.size and mean.min() < 0.0:
         wrong = mean < 0.0
         raise ValueError(
-            f"the map is {mean[wrong].flat[0]} at {where(wrong)} of shape {mean.shape}: expected readings are "
-            "0 or more; for readings that may be negative set signed=True, for angles take AngleSensor"
+            f"the map is {mean[wrong].flat[0]} at {where(wrong)} of shape {mean.shape}: expected readings "
+            "are 0 or more; for readings that may be negative set signed=True, for angles take AngleSensor"
         )
 
 
