@@ -143,12 +143,17 @@ def range_array(
     return values
 
 
-def map_array(values: ArrayLike, *, what: str = "map") -> FloatArray:
-    """Return expected readings as an array; ValueError that names the cell (and beam) if one is nan."""
+def map_array(values: ArrayLike, *, what: str = "map", signed: bool = True) -> FloatArray:
+    """Return expected readings as an array; ValueError that names the cell (and beam) if one is nan.
+
+    Unless `signed`, one below zero is refused as well.
+    """
     result: FloatArray = np.asarray(values, dtype=float)
     wrong = np.isnan(result)
     if wrong.any():
         refuse_map(wrong, what=what)
+    if not signed:
+        refuse_negative_map(result)
     return result
 
 
@@ -158,6 +163,16 @@ def refuse_map(wrong: BoolArray, *, what: str = "map") -> None:
         f"the {what} is nan at {where(wrong)} of shape {wrong.shape}: cells where no reading can be taken "
         "belong out of the belief (mass 0), not into the map"
     )
+
+
+def refuse_negative_map(mean: FloatArray) -> None:
+    """Raise ValueError where readings below zero are expected of a sensor that has none; nan passes."""
+    if mean.size and mean.min() < 0.0:
+        wrong = mean < 0.0
+        raise ValueError(
+            f"the map is {mean[wrong].flat[0]} at {where(wrong)} of shape {mean.shape}: expected readings "
+            "are 0 or more; for readings that may be negative set signed=True, for angles take AngleSensor"
+        )
 
 
 def finite_array(values: ArrayLike, *, what: str) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 
@@ -99,6 +100,22 @@ def test_more_or_fewer_ranges_than_beams_are_refused_by_all_sensors(name):
 def test_nan_in_the_map_is_named(function):
     with pytest.raises(ValueError, match=r"map is nan at \(1, 1\)"):
         function(np.where(MEAN == 4.0, np.nan, MEAN))
+
+
+@pytest.mark.parametrize("sensor", [GaussianSensor(sigma=0.3), QuantizedGaussian(sigma=0.3, step=0.1)])
+def test_expected_readings_below_zero_are_named_unless_readings_may_be_negative(sensor):
+    # -1 for "nothing", or headings: a Gaussian on them was taken, and is wrong across the half turn.
+    mean = np.where(MEAN == 4.0, -1.0, MEAN)
+    message = r"map is -1\.0 at \(1, 1\) of shape \(3, 2\): .*signed=True, for angles take AngleSensor"
+    for reading in ([1.0, 2.0], [np.nan, 2.0], [1.0, np.nan]):
+        with pytest.raises(ValueError, match=message):
+            sensor.log_likelihood(reading, mean)
+    if isinstance(sensor, GaussianSensor):
+        with pytest.raises(ValueError, match=message):
+            sensor.prepare(mean)
+    free = dataclasses.replace(sensor, signed=True).log_likelihood([1.0, 2.0], mean)
+    shifted = dataclasses.replace(sensor, signed=True).log_likelihood([3.0, 4.0], mean + 2.0)
+    np.testing.assert_allclose(free, shifted, rtol=1e-9)
 
 
 def test_a_range_beyond_the_longest_has_the_gaussians_tail():

@@ -85,7 +85,7 @@ def check_motion(
     for way in ways:
         if abs(way) > diagonal:
             raise ValueError(
-                f"a way of {way:g} is longer than the grid's diagonal of {diagonal:g}"
+                f"a drive of {way:g} is longer than the grid's diagonal of {diagonal:g}"
                 f"{' ' if unit else ''}{unit}: is it in the grid's unit?"
             )
     for turn in turns:

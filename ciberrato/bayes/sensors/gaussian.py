@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
-from ciberrato.bayes.checks import finite_array, positive, range_array, refuse_map
+from ciberrato.bayes.checks import finite_array, positive, range_array, refuse_map, refuse_negative_map
 from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, beyond_range
 
 
@@ -34,7 +34,7 @@ class GaussianSensor:
         Longest range. Readings of at least this, +inf among them, have the probability that the range is
         longer: the Gaussian's upper tail. None: there is no longest range, and +inf is an error.
     signed : bool
-        Readings may be negative: they are no ranges.
+        Readings, and those expected, may be negative: they are no ranges. Angles want `AngleSensor`.
     """
 
     sigma: float | FloatArray
@@ -64,10 +64,12 @@ class GaussianSensor:
         Raises
         ------
         ValueError
-            If shapes do not fit, a reading is negative (unless `signed`) or infinite (without `max_range`),
-            or a mean is nan.
+            If shapes do not fit, a reading or a mean is negative (unless `signed`), a reading infinite
+            (without `max_range`), or a mean nan.
         """
         mean = np.asarray(mean, dtype=float)
+        if not self.signed:
+            refuse_negative_map(mean)
         reading = range_array(reading, beams=mean.shape[-1] if mean.ndim else 0, signed=self.signed)
         longest = np.inf if self.max_range is None else self.max_range
         # Most scans are whole: no beam is missing, none beyond the longest range.
@@ -98,7 +100,7 @@ class GaussianSensor:
         Parameters
         ----------
         mean : array_like, shape (..., beams)
-            Expected reading per cell, finite.
+            Expected reading per cell, finite; 0 or more unless the sensor is signed.
 
         Returns
         -------
@@ -121,13 +123,15 @@ class PreparedGaussian:
     sensor : GaussianSensor
         Its sigma.
     mean : array_like, shape (..., beams)
-        Expected reading per cell, finite.
+        Expected reading per cell, finite; 0 or more unless the sensor is signed.
     """
 
     def __init__(self, sensor: GaussianSensor, mean: ArrayLike) -> None:
         mean = finite_array(mean, what="the means of a prepared sensor")
         if not mean.ndim:
             raise ValueError("the means of a prepared sensor need an axis for the beams")
+        if not sensor.signed:
+            refuse_negative_map(mean)
         self._signed, self._longest = sensor.signed, sensor.max_range
         beams = mean.shape[-1]
         weight = np.broadcast_to(1.0 / np.square(sensor.sigma), mean.shape).reshape(-1, beams)

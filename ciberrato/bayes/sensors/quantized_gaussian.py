@@ -79,9 +79,10 @@ class QuantizedGaussian:
         Raises
         ------
         ValueError
-            If a reading is negative (unless `signed`) or infinite (without `max_range`), or a mean is nan.
+            If a reading or a mean is negative (unless `signed`), a reading infinite (without `max_range`), or
+            a mean nan.
         """
-        reading, mean = range_array(reading, signed=self.signed), map_array(mean)
+        reading, mean = range_array(reading, signed=self.signed), map_array(mean, signed=self.signed)
         multiple = np.round(np.where(np.isfinite(reading), reading, 0.0) / self.step)
         low = (multiple - 0.5) * self.step - mean
         high = (multiple + 0.5) * self.step - mean
