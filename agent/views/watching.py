@@ -130,9 +130,10 @@ def screen(
     header, last = run.header, run.cycles[-1]
     button = "running" if last.start else "stopped" if last.stop else "finished"
     name = plain(header.robot_name, _MOST_NAME) or "robot"
+    lab_name = plain(header.lab_name, _MOST_NAME)
     limit = f" of {header.parameters.sim_time}" if header.parameters.sim_time else ""
     lines = [
-        f"{name} in {plain(header.lab_name, _MOST_NAME)}: cycle {last.time}{limit}, {last.phase}, "
+        f"{name}{f' in {lab_name}' if lab_name else ''}: cycle {last.time}{limit}, {last.phase}, "
         f"simulator {button}{', COLLISION' if last.collision else ''}",
         "IR "
         + "  ".join(

@@ -80,9 +80,13 @@ def load_recording(
 
 def _find(header: RunHeader, lab_name: str | None, path: Path) -> Lab:
     name = header.lab_name
+    if not name and lab_name is None:
+        raise LabError(
+            "does not say in which lab it was recorded; name that with -m", source=str(path), line=1
+        )
     file = find_lab(lab_name if lab_name is not None else name)
     data = file.read_bytes()
-    if hashlib.sha256(data).hexdigest() != header.lab_sha256:
+    if name and hashlib.sha256(data).hexdigest() != header.lab_sha256:
         raise LabError(
             f"recorded in another lab ({name}) than {file.name}; give it with -m", source=str(path), line=1
         )

@@ -254,3 +254,13 @@ def test_it_ends_with_whoever_started_it():
         assert process.stdout.readline().startswith("page: ")
         process.stdin.close()
         assert process.wait(timeout=SECONDS) == 0
+
+
+def test_a_log_that_names_no_lab_takes_the_one_that_is_named(log: Path) -> None:
+    """As a client writes it that was not told its lab."""
+    header, *lines = log.read_text().splitlines(keepends=True)
+    fields = json.loads(header) | {"lab_name": "", "lab_sha256": hashlib.sha256(b"").hexdigest()}
+    log.write_text("".join([json.dumps(fields) + "\n", *lines]))
+    with pytest.raises(LabError, match=r"run.jsonl:1: does not say in which lab .*; name that with -m"):
+        load_recording(log, None, None)
+    assert load_recording(log, "corridors", None).world.lab == read_lab(LAB)
