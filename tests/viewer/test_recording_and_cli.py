@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -264,3 +265,12 @@ def test_a_log_that_names_no_lab_takes_the_one_that_is_named(log: Path) -> None:
     with pytest.raises(LabError, match=r"run.jsonl:1: does not say in which lab .*; name that with -m"):
         load_recording(log, None, None)
     assert load_recording(log, "corridors", None).world.lab == read_lab(LAB)
+
+
+def test_standard_input_that_cannot_be_watched_has_ended(tmp_path: Path) -> None:
+    (tmp_path / "empty").touch()
+    for path in (Path(os.devnull), tmp_path / "empty"):
+        with path.open() as file, started("--until-eof", stdin=file) as process:
+            _, errors = process.communicate(timeout=SECONDS)
+        assert process.returncode == 0
+        assert "Traceback" not in errors
