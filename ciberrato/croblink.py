@@ -228,7 +228,7 @@ class CRobLink:
         Raises
         ------
         SystemExit
-            With status 1, if none come within 2 s.
+            If none come within 2 s: with status 0 if the run's time is up, with 1 otherwise.
         """
         for measures in (found := self._receive()):
             self.lost += max(measures.time - max(self.measures.time, 0) - 1, 0)
@@ -282,6 +282,9 @@ class CRobLink:
             except (TimeoutError, ConnectionError):
                 if found:
                     break
+                if 0 < self.simTime <= self.measures.time:
+                    print(f"{self.robName}: the run is over (time {self.measures.time})", file=sys.stderr)
+                    sys.exit(0)
                 print(
                     f"{self.robName}: no Measures from the simulator for {_SECONDS:g} s (last time "
                     f"{self.measures.time}): it was ended or reset; ending, too",

@@ -189,13 +189,13 @@ def make_parser() -> OptionParser:
         type=option_types.seconds,
         default=2.0,
         metavar="SECONDS",
-        help="that end the run; default: 2",
+        help="end the run after so long without Measures; default: 2",
     )
     add(
         "--give-up-after",
         type=option_types.seconds,
         metavar="SECONDS",
-        help="without a simulator; default: never",
+        help="end if no simulator has answered for so long; default: never",
     )
     add(
         "--seed",

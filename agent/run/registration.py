@@ -134,6 +134,8 @@ def _find_answer(
             asked = f"position {registration.robot_id}" if registration.robot_id else "any free position"
             raise UsageError(
                 f"the simulator at {place} refuses {registration.name!r} at {asked}: the position is taken "
-                "or not in its start grid, no position is free, or the simulation is already running"
+                "or not in its start grid, no position is free, or the simulation is already running; choose "
+                "another position (-p), or start the simulator anew (it keeps the robots of programs that "
+                "were ended)"
             )
     return None

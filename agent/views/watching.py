@@ -130,9 +130,10 @@ def screen(
     header, last = run.header, run.cycles[-1]
     button = "running" if last.start else "stopped" if last.stop else "finished"
     name = plain(header.robot_name, _MOST_NAME) or "robot"
+    lab_name = plain(header.lab_name, _MOST_NAME)
     limit = f" of {header.parameters.sim_time}" if header.parameters.sim_time else ""
     lines = [
-        f"{name} in {plain(header.lab_name, _MOST_NAME)}: cycle {last.time}{limit}, {last.phase}, "
+        f"{name}{f' in {lab_name}' if lab_name else ''}: cycle {last.time}{limit}, {last.phase}, "
         f"simulator {button}{', COLLISION' if last.collision else ''}",
         "IR "
         + "  ".join(
@@ -181,7 +182,7 @@ def _pose_line(cycle: Cycle) -> str:
     if cycle.displacement is not None and cycle.lateral is not None and cycle.heading is not None:
         return f"way {cycle.displacement:.2f}  beside {cycle.lateral:+.2f}  heading {cycle.heading:+.1f}°"
     if cycle.estimate is None:
-        return "nothing is known of the pose yet: the lab's tables are not there, or not caught up with"
+        return "no pose in the log yet: no pose filter runs, or its tables are not there"
     x, y, heading, probability = cycle.estimate
     return (
         f"cell {cell_name(cell_at(x, y))}  x {x:.2f}  y {y:.2f}  heading {heading:+.1f}°  p {probability:.3f}"

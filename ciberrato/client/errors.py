@@ -27,7 +27,8 @@ def refused(place: str, name: str, position: int) -> RefusedError:
     asked = f"position {position}" if position else "any free position"
     return RefusedError(
         f"the simulator at {place} refuses {name!r} at {asked}: the position is taken or not in its start "
-        "grid, no position is free, or the simulation is already running"
+        "grid, no position is free, or the simulation is already running; choose another position, or start "
+        "the simulator anew (it keeps the robots of programs that were ended)"
     )
 
 

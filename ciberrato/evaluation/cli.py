@@ -273,7 +273,13 @@ def _parser() -> argparse.ArgumentParser:
         help="name or file; `maps`: all that ship, `judged`: the public ones by the rule; may be given again",
     )
     add("--labs", type=Path, metavar="DIR", help="folder of public labs; default: $CIBERRATO_LABS")
-    add("--start", nargs="+", choices=STARTS, default=["centres"])
+    add(
+        "--start",
+        nargs="+",
+        choices=STARTS,
+        default=["centres"],
+        help="where robots start: in the lab's start grid, in centres of cells, anywhere; default: centres",
+    )
     add(
         "--prior",
         nargs="+",
@@ -282,12 +288,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--told", action="store_true", help="the same as --prior told")
     add("--parameters", nargs="+", default=["default"], metavar="FILE", help="names or files")
-    add("--compass", nargs="+", choices=("on", "off"), default=["on"])
+    add(
+        "--compass", nargs="+", choices=("on", "off"), default=["on"], help="with one or without; default: on"
+    )
     add("--gps", nargs="+", choices=GPS, default=["announced"], help="announced: as the parameters say")
-    add("--drive", nargs="+", choices=DRIVES, default=["explore"])
+    add("--drive", nargs="+", choices=DRIVES, default=["explore"], help="default: explore")
     add("--seeds", type=int, default=10, metavar="N", help="runs of each kind; default: 10")
-    add("--first-seed", type=int, default=0, metavar="N")
-    add("--cycles", type=int, default=800, metavar="N", help="default: 800")
+    add("--first-seed", type=int, default=0, metavar="N", help="seeds are counted up from it; default: 0")
+    add("--cycles", type=int, default=800, metavar="N", help="of a run; default: 800")
     add("--settle", type=int, default=0, metavar="N", help="end a run N cycles after its first right claim")
     add("--resolution", type=float, metavar="UNITS", help="default: 0.1, coarser in large labs")
     add("--kidnap", type=int, default=0, metavar="CYCLE", help="put the robot elsewhere before that cycle")

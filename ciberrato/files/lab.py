@@ -197,7 +197,8 @@ def parse_lab_file(data: bytes, source: str = "lab", *, any_size: bool = False) 
         _check_size(lab, root, reader)
     for attribute, side in (("Width", lab.width), ("Height", lab.height)):
         if side % CELL_SIZE and attribute in root.attributes:
-            cells = f"{side // CELL_SIZE:g} cells and {side % CELL_SIZE:g} units"
+            rest = side % CELL_SIZE
+            cells = f"{side // CELL_SIZE:g} cells and {rest:g} unit{'s' * (rest != 1)}"
             reader.note(root, "odd size", f"Lab {attribute} {side:g} is {cells}", attribute=attribute)
     return LabFile(
         lab=lab,
@@ -233,9 +234,13 @@ def _check_size(lab: Lab, root: Element, reader: Reader) -> None:
     for attribute, side in (("Width", lab.width), ("Height", lab.height)):
         if not CELL_SIZE <= side <= MAX_SIDE:
             given = root.attributes.get(attribute)
+            shown, advice = f'Lab {attribute}="{given}"', ""
+            for finding in reader.findings:  # why the side is 0, where it is no number
+                if finding.kind == "not a number" and finding.found.startswith(f'Lab {attribute}="'):
+                    shown, advice = f"{finding.found} and", finding.advice and f"; {finding.advice}"
             raise LabError(
-                f'Lab {attribute}="{given}" gives a side of {side:g} units; '
-                f"it must be from {CELL_SIZE:g} (one cell) to {MAX_SIDE:g}",
+                f"{shown} gives a side of {side:g} units; "
+                f"it must be from {CELL_SIZE:g} (one cell) to {MAX_SIDE:g}{advice}",
                 source=reader.source,
                 line=root.line,
             )

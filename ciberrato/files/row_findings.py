@@ -11,6 +11,8 @@ from ciberrato.files.xml_document import Element
 from ciberrato.world.lab import CELL_SIZE, Wall
 
 _SLANTED = "/\\"
+_LOOKS_LIKE = dict.fromkeys("=_–—−─═", "-") | dict.fromkeys("!¦│║", "|")
+"""Characters that are written, or put in by editors, for walls; other letters mark places in public labs."""
 _BEYOND = 0.11
 """Units that the walls of a row may stand over the border: half their thickness."""
 
@@ -150,6 +152,19 @@ def _check_columns(element: Element, columns: str, position: int, reader: Reader
             place=(CELL_SIZE * (dead[0] + 0.5) / 3, position + 1.0),
         )
     through = list(_through(columns))
+    strange = [c for c, mark in enumerate(columns) if mark in _LOOKS_LIKE]
+    if strange:
+        mark = columns[strange[0]]
+        reader.warn(
+            element,
+            "strange character",
+            f'there is a "{mark}" in column {_listed(strange)} of row {position}',
+            "it draws nothing",
+            attribute="Pattern",
+            advice=f"write {_LOOKS_LIKE[mark]}",
+            instead=_LOOKS_LIKE[mark],
+            place=(CELL_SIZE * (strange[0] + 0.5) / 3, position + 1.0),
+        )
     if through:
         reader.warn(
             element,

@@ -28,7 +28,7 @@ class RunHeader:
     format_version : int
         Version of this document; readers refuse any other.
     lab_name : str
-        File name of the lab, without its folder.
+        File name of the lab, without its folder; empty if the program did not know its lab.
     lab_sha256 : str
         SHA-256 of the lab file's bytes, in hexadecimal.
     parameters : Parameters

@@ -92,7 +92,7 @@ class Reader:
             if math.isfinite(value):
                 return value
         elif not _NOT_FINITE.fullmatch(stripped):
-            self._not_a_number(element, attribute, stripped, "a number")
+            self._not_a_number(element, attribute, stripped, "a number", _meant(stripped))
             return 0.0
         problem = f'{element.name} {attribute}="{text}" is not finite: write a finite number'
         raise LabError(problem, source=self.source, line=element.line_of(attribute))
@@ -115,11 +115,15 @@ class Reader:
             value = int(stripped)
             if least <= value <= greatest:
                 return value
-        self._not_a_number(element, attribute, stripped, f"an integer from {least} to {greatest}")
+        meant = float(_meant(stripped) or "nan")
+        instead = f"{meant:.0f}" if meant.is_integer() and least <= meant <= greatest else None
+        what = f"an integer from {least} to {greatest}"
+        self._not_a_number(element, attribute, stripped, what, instead)
         return 0
 
-    def _not_a_number(self, element: Element, attribute: str, text: str, what: str) -> None:
-        meant = _meant(text, whole=what != "a number")
+    def _not_a_number(
+        self, element: Element, attribute: str, text: str, what: str, meant: str | None
+    ) -> None:
         shown = element.attributes[attribute]
         self.warn(
             element,
@@ -149,15 +153,10 @@ class Reader:
         return text == "On"
 
 
-def _meant(text: str, *, whole: bool) -> str | None:
+def _meant(text: str) -> str | None:
     """Return the number that a text which is none was probably meant to be."""
     candidate = text.replace(",", ".").removesuffix("%").strip()
-    if not _REAL.fullmatch(candidate):
-        return None
-    if not whole:
-        return candidate
-    value = float(candidate)
-    return f"{value:.0f}" if value.is_integer() and abs(value) < 2**31 else None
+    return candidate if _REAL.fullmatch(candidate) else None
 
 
 def read_file(path: str | Path) -> bytes:

@@ -141,7 +141,9 @@ def _problem(code: int | None, message: str, what: str) -> str:
         return f"declares an encoding that cannot be read ({message}); use UTF-8"
     else:
         known = {
-            ErrorTypes.ERR_DOCUMENT_EMPTY: "no element found",
+            ErrorTypes.ERR_DOCUMENT_EMPTY: "it does not begin with an element",
+            ErrorTypes.ERR_LT_IN_ATTRIBUTE: "a < within a value: the quote that ends it is missing",
+            ErrorTypes.ERR_HYPHEN_IN_COMMENT: "-- within a comment",
             ErrorTypes.ERR_DOCUMENT_END: "something follows the end of the document",
             ErrorTypes.ERR_ATTRIBUTE_REDEFINED: f"duplicate attribute: {message}",
             ErrorTypes.ERR_ATTRIBUTE_NOT_STARTED: "a value without quotes around it",

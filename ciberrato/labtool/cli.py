@@ -104,13 +104,18 @@ def _new(options: argparse.Namespace) -> int:
     from ciberrato.files.atomic import replace_file
     from ciberrato.labtool.making import Order, empty_lab, random_lab
 
-    paths = [Path(f"{options.output}_{kind}.xml") for kind in ("lab", "grid")]
+    output = options.output or ("random" if options.random else "empty")
+    paths = [Path(f"{output}_{kind}.xml") for kind in ("lab", "grid")]
     for path in paths:
         if path.exists() and not options.force:
             raise UsageError(f"{path}: is there already; name another -o, or say --force")
+    if options.png is not None:
+        from agent.views.figures.canvas import check_figure_kind
+
+        check_figure_kind(options.png)  # before anything is written
     columns, rows = options.size
     order = Order(
-        name=options.name or Path(options.output).name,
+        name=options.name or Path(output).name,
         rows=rows,
         columns=columns,
         loops=options.loops,
@@ -185,7 +190,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = ProgramParser(PROGRAM, "Make, draw and check labs, start grids and parameter files.")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_CommandParser)
 
-    check = commands.add_parser("check", help="say what the simulator would silently take for something else")
+    check = commands.add_parser(
+        "check",
+        help="say what the simulator would silently take for something else",
+        description="Say what the simulator would silently take for something else than was meant.",
+    )
     check.add_argument(
         "files", nargs="+", metavar="FILE", help="labs, start grids, parameters; grids go with their lab"
     )
@@ -195,7 +204,7 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--png", type=Path, metavar="FILE", help="draw the lab, the findings marked")
     check.set_defaults(run=_check)
 
-    draw = commands.add_parser("draw", help="draw a lab")
+    draw = commands.add_parser("draw", help="draw a lab", description="Draw a lab.")
     draw.add_argument("lab", metavar="LAB", help="a file, or the name of one that ships")
     draw.add_argument("--grid", metavar="GRID", help="draw its start positions, too")
     draw.add_argument(
@@ -203,7 +212,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     draw.set_defaults(run=_draw)
 
-    new = commands.add_parser("new", help="make a lab and a start grid")
+    new = commands.add_parser(
+        "new",
+        help="make a lab and a start grid",
+        description="Make a lab and its start grid: empty, or with --random a maze or free polygons.",
+    )
     new.add_argument(
         "--random", action="store_true", help="with walls; otherwise empty, its rows ready to be drawn in"
     )
@@ -227,13 +240,20 @@ def _parser() -> argparse.ArgumentParser:
     new.add_argument("--symmetric", action="store_true", help="the same turned by half a turn")
     new.add_argument("--name", help="of the lab; default: that of the file")
     new.add_argument(
-        "-o", "--output", default="random", metavar="NAME", help="writes NAME_lab.xml and NAME_grid.xml"
+        "-o",
+        "--output",
+        metavar="NAME",
+        help="writes NAME_lab.xml and NAME_grid.xml; default: random, or empty without --random",
     )
     new.add_argument("--png", type=Path, metavar="FILE", help="draw it, too")
     new.add_argument("--force", action="store_true", help="write over files that are there")
     new.set_defaults(run=_new)
 
-    schema = commands.add_parser("schema", help="print the RELAX NG schema of a kind of file, for editors")
+    schema = commands.add_parser(
+        "schema",
+        help="print the RELAX NG schema of a kind of file, for editors",
+        description="Print the RELAX NG schema of a kind of file, for editors that check while one types.",
+    )
     schema.add_argument("kind", choices=("lab", "grid", "parameters"))
     schema.add_argument("--path", action="store_true", help="print where it is instead")
     schema.set_defaults(run=_schema)

@@ -100,7 +100,9 @@ def _logged_belief(cells: tuple[tuple[int, int, float], ...], lab: Lab) -> Float
 def _find(header: RunHeader, lab_name: str | None, path: Path) -> Lab:
     name = header.lab_name
     if not name and lab_name is None:
-        raise UsageError(f"{path}: does not name its lab: give it with -m LAB")
+        raise LabError(
+            "does not say in which lab it was recorded; name that with -m", source=str(path), line=1
+        )
     file = find_lab(lab_name if lab_name is not None else name)
     data = file.read_bytes()
     if name and hashlib.sha256(data).hexdigest() != header.lab_sha256:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
 import secrets
 import signal
 import socket
+import stat
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -380,7 +382,14 @@ async def _watch_standard_input(loop: asyncio.AbstractEventLoop, stop: Callable[
         def connection_lost(self, error: Exception | None) -> None:
             stop()
 
+    if sys.stdin is None or _has_no_end_to_come(os.fstat(sys.stdin.fileno())):
+        stop()  # closed, a file or /dev/null: it has ended, and an event loop cannot watch it
+        return
     await loop.connect_read_pipe(Ending, sys.stdin)
+
+
+def _has_no_end_to_come(status: os.stat_result) -> bool:
+    return stat.S_ISREG(status.st_mode) or os.path.samestat(status, os.stat(os.devnull))
 
 
 def _import_scipy() -> None:

@@ -309,7 +309,10 @@ class Session:
 
     def _state_changed(self) -> None:
         state = self.simulation.state
-        self._notify(f"{state.value.lower()} at time {self.simulation.time}")
+        waits = state is SimulatorState.STOPPED and self.simulation.time == 0
+        self._notify(
+            f"{'waiting for Start' if waits else state.value.lower()} at time {self.simulation.time}"
+        )
         if state is SimulatorState.RUNNING:
             for client in self.robots.values():
                 client.silent = False

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -179,6 +180,14 @@ def test_localize_repeats_what_the_run_wrote(capsys: pytest.CaptureFixture[str])
     assert main(["localize", "run.jsonl", "-m", "standard", "-o", "again.out"]) == 0
     assert Path("again.out").read_bytes() == Path("localization.out").read_bytes()
     assert "most likely cell" in capsys.readouterr().out
+
+
+def test_a_log_that_names_no_lab_needs_one_and_takes_any(capsys: pytest.CaptureFixture[str]) -> None:
+    RunWriter(Path("run.jsonl"), replace(HEADER, lab_name="")).close()
+    assert "run.jsonl does not say in which lab it was recorded" in fails(["localize", "run.jsonl"], capsys)
+    told = fails(["localize", "run.jsonl", "-m", "maze"], capsys)
+    assert "no step was recorded" in told
+    assert "differ" not in told
 
 
 @pytest.mark.usefixtures("recorded")

@@ -100,6 +100,19 @@ def test_silence_ends_the_program(monkeypatch, capsys):
     assert re.match(r"r: no Measures from the simulator for 0\.3 s \(last time 0\)", capsys.readouterr().err)
 
 
+def test_silence_after_the_last_cycle_is_the_end_of_the_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(croblink, "_SECONDS", 0.3)
+    (tmp_path / "p.xml").write_text('<Parameters SimTime="3"/>')
+    words = ("--param", str(tmp_path / "p.xml"), "--autostart", "1", "--exit-at-end")
+    with simulator("--lab", "maze", "--grid", "maze", *words) as host:
+        robot = croblink.CRobLinkAngs("r", 1, [0, 60, -60, 180], host)
+        with pytest.raises(SystemExit) as ended:
+            read_on(robot)
+    robot.sock.close()
+    assert ended.value.code == 0
+    assert capsys.readouterr().err == "r: the run is over (time 3)\n"
+
+
 def test_the_names_and_their_first_values():
     first = croblink.CMeasures()
     assert (first.compassReady, first.compass, first.time, first.ground) == (False, 0.0, 0, -1)

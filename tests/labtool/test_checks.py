@@ -51,6 +51,11 @@ def test_attributes_of_the_lab(head: str, line: int, text: str, instead: str | N
     assert finding.instead == instead
 
 
+def test_one_unit_more_than_whole_cells_is_one_unit() -> None:
+    (finding,) = lab("", '<Lab Width="27" Height="4">').findings
+    assert str(finding) == "my.xml:1: Lab Width 27 is 13 cells and 1 unit"
+
+
 @pytest.mark.parametrize(
     ("inside", "kind", "text", "instead"),
     [
@@ -58,6 +63,9 @@ def test_attributes_of_the_lab(head: str, line: int, text: str, instead: str | N
         ('<Beacon X="1,5" Y="1"/>', "not a number", "counts as 0; write 1.5, with a point", "1.5"),
         ('<Target X="1" Y="1" Radius="1 unit"/>', "not a number", "counts as 0", None),
         ('<Row Pos="4.0" Pattern=""/>', "not a number", "counts as 0; write 4", "4"),
+        ('<Row Pos="1" Pattern="==+"/>', "strange character", 'a "=" in column 0, 1 of row 1 and it', "-"),
+        ('<Row Pos="0" Pattern="  ¦"/>', "strange character", "it draws nothing; write |", "|"),
+        ('<Row Pos="9999999999.0" Pattern=""/>', "not a number", "counts as 0", None),
         ('<Rows Pos="0" Pattern=""/>', "unknown element", "is passed over; did you mean Row?", "Row"),
         ('<Row Pos="3" Pattern="--+  +  +  "/>', "row outside", "whose rows are 0 to 2", None),
         ('<Row Pos="-1" Pattern="  |"/>', "row outside", "whose rows are 0 to 2", None),

@@ -152,3 +152,23 @@ def test_the_program_writes_two_files_and_none_over_another(
     assert main(words) == 2
     assert "is there already" in capsys.readouterr().err
     assert main([*words, "--force"]) == 0
+
+
+def test_nothing_is_written_where_the_figure_cannot_be(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "-o", str(tmp_path / "a"), "--png", str(tmp_path / "a.txt")]) == 2
+    assert "cannot write a figure of kind 'txt'" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_empty_lab_is_not_named_random(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new"]) == 0
+    assert main(["new", "--random", "--seed", "1"]) == 0
+    assert sorted(path.stem for path in tmp_path.iterdir()) == [
+        "empty_grid",
+        "empty_lab",
+        "random_grid",
+        "random_lab",
+    ]

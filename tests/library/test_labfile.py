@@ -112,7 +112,23 @@ def test_what_is_passed_over_is_reported_with_its_line(inside, line, what):
         (b'<?xml version="1.0" encoding="klingon"?><Lab/>', "my.xml:1: "),
         (b'<!DOCTYPE Lab [\n<!ENTITY a "b">]><Lab Name="&a;"/>', "my.xml:2: declares XML entities"),
         (lab("", 'Width="0" Height="14"'), 'my.xml:1: Lab Width="0" gives a side of 0 units'),
-        (lab("", 'Width="28,5" Height="14"'), 'my.xml:1: Lab Width="28,5" gives a side of 0 units'),
+        (
+            lab("", 'Width="28,5" Height="14"'),
+            'my.xml:1: Lab Width="28,5" is not a number and gives a side of 0 units; it must be from 2',
+        ),
+        (
+            lab("", 'Width="wide" Height="14"'),
+            'my.xml:1: Lab Width="wide" is not a number and gives a side of 0',
+        ),
+        (
+            b"Width = 14",
+            "my.xml:1: is not well-formed XML (it does not begin with an element)",
+        ),
+        (
+            b'<Lab Name="a>\n<Row/>',
+            "my.xml:2: is not well-formed XML (a < within a value: the quote that ends it is missing)",
+        ),
+        (b"<Lab>\n<!-- a -- b --></Lab>", "my.xml:2: is not well-formed XML (-- within a comment)"),
         (lab("", 'Width="1e9" Height="14"'), 'my.xml:1: Lab Width="1e9" gives a side of 1e+09 units'),
         (lab("", 'Width="28" Height="-14"'), 'my.xml:1: Lab Height="-14"'),
         (lab("", 'Width="nan" Height="14"'), 'my.xml:1: Lab Width="nan" is not finite'),
@@ -182,3 +198,8 @@ def test_total_turn_of_a_regular_polygon():
     assert total_turn(corners) == pytest.approx(2 * math.pi)
     assert total_turn(corners[::-1]) == pytest.approx(-2 * math.pi)
     assert total_turn(corners[::2] + corners[1::2]) == pytest.approx(4 * math.pi)
+
+
+def test_a_side_that_is_no_number_says_how_to_write_it() -> None:
+    with pytest.raises(LabError, match=r"\(one cell\) to 2000; write 28\.5, with a point$"):
+        parse_lab(lab("", 'Width="28,5" Height="14"'), "my.xml")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -278,6 +279,25 @@ def test_a_clients_log_shows_its_live_poses_and_one_without_poses_says_so(tmp_pa
     assert belief["modes"][0][2] == pytest.approx(0.75, abs=0.01)
     with pytest.raises(UsageError, match="holds no poses"):
         load_recording(tmp_path / "b", None, None)
-    with pytest.raises(UsageError, match="give it with -m"):
+    with pytest.raises(LabError, match="name that with -m"):
         load_recording(tmp_path / "c", None, None)
     load_recording(tmp_path / "c", "maze", None)
+
+
+def test_a_log_that_names_no_lab_takes_the_one_that_is_named(log: Path) -> None:
+    """As a client writes it that was not told its lab."""
+    header, *lines = log.read_text().splitlines(keepends=True)
+    fields = json.loads(header) | {"lab_name": "", "lab_sha256": hashlib.sha256(b"").hexdigest()}
+    log.write_text("".join([json.dumps(fields) + "\n", *lines]))
+    with pytest.raises(LabError, match=r"run.jsonl:1: does not say in which lab .*; name that with -m"):
+        load_recording(log, None, None)
+    assert load_recording(log, "corridors", None).world.lab == read_lab(LAB)
+
+
+def test_standard_input_that_cannot_be_watched_has_ended(tmp_path: Path) -> None:
+    (tmp_path / "empty").touch()
+    for path in (Path(os.devnull), tmp_path / "empty"):
+        with path.open() as file, started("--until-eof", stdin=file) as process:
+            _, errors = process.communicate(timeout=SECONDS)
+        assert process.returncode == 0
+        assert "Traceback" not in errors

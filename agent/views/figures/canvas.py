@@ -50,6 +50,25 @@ def new_figure(width: float, height: float, *, layout: Layout = "constrained") -
     return figure
 
 
+def check_figure_kind(path: Path) -> str:
+    """Return the kind of figure that a file's ending asks for: ``png`` where it has none.
+
+    Raises
+    ------
+    UsageError
+        If there is no such kind.
+    """
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    kind = path.suffix.lstrip(".").lower() or "png"
+    known = FigureCanvasBase.get_supported_filetypes()
+    if kind not in known:
+        raise UsageError(
+            f"{path}: cannot write a figure of kind {kind!r}; use one of {', '.join(sorted(known))}"
+        )
+    return kind
+
+
 def save_figure(figure: Any, path: Path) -> None:
     """Write a figure under a temporary name, then rename it.
 
@@ -66,12 +85,7 @@ def save_figure(figure: Any, path: Path) -> None:
     """
     import io
 
-    kind = path.suffix.lstrip(".").lower() or "png"
-    known = figure.canvas.get_supported_filetypes()
-    if kind not in known:
-        raise UsageError(
-            f"{path}: cannot write a figure of kind {kind!r}; use one of {', '.join(sorted(known))}"
-        )
+    kind = check_figure_kind(path)
     buffer = io.BytesIO()
     # What the maps' fixed shapes leave empty round the figure is cut off.
     figure.savefig(buffer, format=kind, dpi=120, bbox_inches="tight", pad_inches=0.08)
