@@ -104,6 +104,14 @@ def _new(options: argparse.Namespace) -> int:
     from ciberrato.files.atomic import replace_file
     from ciberrato.labtool.making import Order, empty_lab, random_lab
 
+    if not Path(options.output).name:
+        raise UsageError(
+            f"-o {options.output!r}: names no file; give a name, with or without a folder before it"
+        )
+    if options.png is not None:  # before anything is written
+        from agent.views.figures.canvas import figure_kind
+
+        figure_kind(options.png)
     paths = [Path(f"{options.output}_{kind}.xml") for kind in ("lab", "grid")]
     for path in paths:
         if path.exists() and not options.force:
