@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
+from typing import Any
 
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.evidence.start_prior import StartPrior, check_start, parse_start
@@ -296,10 +297,9 @@ class PoseFilter:
         self.live = self._begin()
 
 
-def _is_command(command: object) -> bool:
+def _is_command(command: Any) -> bool:
     try:
-        left, right = command  # type: ignore[misc]
-        return math.isfinite(left) and math.isfinite(right)
+        return len(command) == 2 and all(math.isfinite(power) for power in command)
     except (TypeError, ValueError):
         return False
 
