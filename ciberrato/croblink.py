@@ -197,6 +197,7 @@ class CRobLink:
         self.lost = self.skipped = 0
         self._unanswered: Measures | None = None
         self._core = RobotCore(name, position=self.robId, angles=self.angs)
+        self._recorder = RunRecorder(os.environ.get(LOG_VARIABLE) or None, None)
         self._place = resolve(*parse_address(host, port))
         self.sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.sock.settimeout(_SECONDS)
@@ -219,7 +220,6 @@ class CRobLink:
         self.params = CParameters(answer)
         self.nBeacons, self.simTime = self.params.nBeacons, self.params.simTime
         self._core.accept(answer)
-        self._recorder = RunRecorder(os.environ.get(LOG_VARIABLE) or None, None)
         self._recorder.begin(self._core)
 
     def readSensors(self) -> None:
@@ -293,7 +293,10 @@ class CRobLink:
                 sys.exit(1)
             if sender[1] != self.port:
                 continue
-            message = decode_simulator_message(data)
+            try:
+                message = decode_simulator_message(data)
+            except ProtocolError:  # one broken message must not end the agent
+                continue
             if isinstance(message, Measures):
                 found.append(message)
         return found

@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ciberrato.client.channel import Attempts, LinkChannel
+from ciberrato.client.channel import Attempts, LinkChannel, check_seconds
 from ciberrato.client.controls import Controls
 from ciberrato.client.core import RobotCore
 from ciberrato.client.errors import no_answer
@@ -53,6 +53,8 @@ class AsyncRobot(Controls):
         timeout: float = 2.0,
         give_up_after: float = 10.0,
     ) -> None:
+        check_seconds("timeout", timeout)
+        check_seconds("give_up_after", give_up_after)
         core = RobotCore(name, position=position, angles=angles, every_cycle=every_cycle)
         recorder = RunRecorder(log, localize)
         self._link_channel = LinkChannel(host, transport)

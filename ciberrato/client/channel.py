@@ -64,6 +64,8 @@ class LinkChannel:
     """
 
     def __init__(self, host: str, transport: str) -> None:
+        if not isinstance(host, str):
+            raise UsageError(f"host {host!r} is not a text like 'localhost:6000'")
         name, port = parse_address(host)
         if transport not in ("udp", "tcp"):
             raise UsageError(f"transport {transport!r} is neither 'udp' nor 'tcp'")
@@ -133,6 +135,18 @@ class LinkChannel:
         except ProtocolError:
             self.unreadable += 1
             return None
+
+
+def check_seconds(name: str, seconds: float) -> None:
+    """Refuse what is no time to wait.
+
+    Raises
+    ------
+    UsageError
+        If it is not a number above 0; infinity is one.
+    """
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not seconds > 0.0:
+        raise UsageError(f"{name} {seconds!r} is not a number of seconds above 0")
 
 
 class Attempts:

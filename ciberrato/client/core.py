@@ -69,6 +69,8 @@ class RobotCore:
         angles: Iterable[float] | None = None,
         every_cycle: bool = False,
     ) -> None:
+        if not isinstance(name, str):
+            raise UsageError(f"name {name!r} is not a text")
         if len(name.encode(errors="replace")) > 200 or not name.isprintable():
             raise UsageError(f"name {name!r}: a robot's name has at most 200 printable characters")
         if isinstance(position, bool) or not isinstance(position, int) or position < 0:
@@ -207,6 +209,10 @@ class RobotCore:
 
     def _is_fresh(self, measures: Measures) -> bool:
         """Tell whether a message is no older than the last one; one of a new run ends this one."""
+        assert self.acceptance is not None
+        if 0 < self.acceptance.parameters.sim_time < measures.time - _LONGEST_STEP_BACK:
+            self.stale += 1  # no simulator is there: a corrupted message
+            return False
         if self.measures is None or measures.time >= self.measures.time:
             self._back = 0
             return True

@@ -6,7 +6,13 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ciberrato.client.channel import Channel, LinkChannel, SimulationChannel, SteppedSimulation
+from ciberrato.client.channel import (
+    Channel,
+    LinkChannel,
+    SimulationChannel,
+    SteppedSimulation,
+    check_seconds,
+)
 from ciberrato.client.controls import Controls
 from ciberrato.client.core import RobotCore
 from ciberrato.client.run_recorder import RunRecorder
@@ -87,6 +93,8 @@ class Robot(Controls):
         give_up_after: float = 10.0,
         simulation: SteppedSimulation | None = None,
     ) -> None:
+        check_seconds("timeout", timeout)
+        check_seconds("give_up_after", give_up_after)
         core = RobotCore(name, position=position, angles=angles, every_cycle=every_cycle)
         recorder = RunRecorder(log, localize, wait=simulation is not None)
         channel: Channel = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,7 @@ class RunRecorder:
         self, log: str | Path | None, localize: Lab | str | Path | None, *, wait: bool = False
     ) -> None:
         self._wait = wait
-        self._log = None if log is None else Path(log)
+        self._log = None if log is None else _writable(log)
         self.lab, self._lab_name, self._lab_data = _find(localize)
         self._writer: RunWriter | None = None
         self._filter: PoseFilter | None = None
@@ -114,7 +115,23 @@ class RunRecorder:
             self._filter = None
 
 
+def _writable(log: str | Path) -> Path:
+    """Return the log's path, if a file can be there: said before the robot takes its place."""
+    if not isinstance(log, str | Path) or not str(log):
+        raise UsageError(f"log {log!r} is not the name of a file")
+    path = Path(log)
+    if path.is_dir():
+        raise UsageError(f"{path}: cannot be written: it is a directory")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise UsageError(f"{path}: cannot be written: no permission")
+    return path
+
+
 def _find(localize: Lab | str | Path | None) -> tuple[Lab | None, str, bytes]:
+    from ciberrato.world.lab import Lab
+
     if localize is None:
         return None, "", b""
     if isinstance(localize, str | Path):
@@ -123,6 +140,8 @@ def _find(localize: Lab | str | Path | None) -> tuple[Lab | None, str, bytes]:
 
         path = find_lab(localize)
         return read_lab(path), path.name, path.read_bytes()
+    if not isinstance(localize, Lab):
+        raise UsageError(f"localize {localize!r} is neither a lab nor the name of one")
     return localize, "", b""
 
 

@@ -104,15 +104,17 @@ def _new(options: argparse.Namespace) -> int:
     from ciberrato.files.atomic import replace_file
     from ciberrato.labtool.making import Order, empty_lab, random_lab
 
-    output = options.output or ("random" if options.random else "empty")
+    output = options.output if options.output is not None else ("random" if options.random else "empty")
+    if not Path(output).name:
+        raise UsageError(f"-o {output!r}: names no file; give a name, with or without a folder before it")
     paths = [Path(f"{output}_{kind}.xml") for kind in ("lab", "grid")]
     for path in paths:
         if path.exists() and not options.force:
             raise UsageError(f"{path}: is there already; name another -o, or say --force")
     if options.png is not None:
-        from agent.views.figures.canvas import check_figure_kind
+        from agent.views.figures.canvas import figure_kind
 
-        check_figure_kind(options.png)  # before anything is written
+        figure_kind(options.png)  # before anything is written
     columns, rows = options.size
     order = Order(
         name=options.name or Path(output).name,

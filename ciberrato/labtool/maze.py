@@ -29,7 +29,7 @@ def random_doors(
         Neighbours without a wall between them; cells are (row, column), the lesser first.
     """
     doors = _tree(rows, columns, generator)
-    walls = sorted(_all_doors(rows, columns) - doors)
+    walls = sorted(all_doors(rows, columns) - doors)
     for index in generator.permutation(len(walls))[: round(loops * len(walls))]:
         doors.add(walls[index])
     for row in range(rows):
@@ -105,7 +105,8 @@ def _neighbours(cell: Cell, rows: int, columns: int) -> list[Cell]:
     return [(r, c) for r, c in around if 0 <= r < rows and 0 <= c < columns]
 
 
-def _all_doors(rows: int, columns: int) -> set[Door]:
+def all_doors(rows: int, columns: int) -> set[Door]:
+    """All pairs of neighbours: the doors of a lab without walls."""
     cells = [(row, column) for row in range(rows) for column in range(columns)]
     return {_door(cell, other) for cell in cells for other in _neighbours(cell, rows, columns)}
 

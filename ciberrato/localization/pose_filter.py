@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
+from typing import Any
 
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.evidence.start_prior import StartPrior, check_start, parse_start
@@ -97,7 +98,7 @@ class PoseFilter:
     Raises
     ------
     ValueError
-        If `angles` are not four finite numbers, or `budget` is not above 0.
+        If `lab` is not a Lab, `angles` are not four finite numbers, or `budget` is not above 0.
     UsageError
         If `start` cannot be read or is no free place in the lab.
 
@@ -121,6 +122,8 @@ class PoseFilter:
         tables: TableWorker | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
+        if not isinstance(lab, Lab):
+            raise ValueError(f"lab: {lab!r} is not a Lab; read_lab(find_lab(NAME)) reads one")
         if len(angles) != _SENSORS or not all(math.isfinite(angle) for angle in angles):
             raise ValueError(f"angles: {angles!r} are not the mounting angles of four IR sensors, in degrees")
         if budget is not None and not budget > 0.0:
@@ -236,16 +239,17 @@ class PoseFilter:
         Raises
         ------
         ValueError
-            If the command is not two finite numbers, the time is that of a new simulation (see `reset`), or
-            the filter was closed before its coarse tables were there.
+            If the command is not two finite numbers, a reading is not finite, the time is that of a new
+            simulation (see `reset`), or the filter was closed before its coarse tables were there.
         """
         self.feed(measures, command)
         return self.estimate()
 
     def feed(self, measures: Measures, command: Command | None = None) -> None:
         """Take in a message as `observe` does, without working out the estimate."""
-        if command is not None and not (len(command) == 2 and all(math.isfinite(c) for c in command)):
+        if command is not None and not _is_command(command):
             raise ValueError(f"command: {command!r} is not the command of two motors")
+        _check_readings(measures)
         if self._time is not None and measures.time < self._time:
             if self._time - measures.time > _LATE or measures.time == 0:
                 raise ValueError(
@@ -291,3 +295,26 @@ class PoseFilter:
         """Forget all messages, and begin anew with the same lab, parameters and start."""
         self._time = None
         self.live = self._begin()
+
+
+def _is_command(command: Any) -> bool:
+    try:
+        return len(command) == 2 and all(math.isfinite(power) for power in command)
+    except (TypeError, ValueError):
+        return False
+
+
+def _check_readings(measures: Measures) -> None:
+    """Refuse readings that are no numbers, which no simulator sends: one would spoil the belief for good."""
+    gps = measures.gps or ()
+    readings = {
+        "infrared": measures.infrared,
+        "compass": (measures.compass,),
+        "gps": gps,
+        "beacons": tuple(beacon.bearing for beacon in measures.beacons),
+    }
+    for name, values in readings.items():
+        if not all(value is None or math.isfinite(value) for value in values):
+            raise ValueError(
+                f"{name} at time {measures.time}: {values!r}; readings are finite, or None if missing"
+            )

@@ -107,3 +107,11 @@ def test_sensors_on_request_are_asked_for_in_turn():
 def test_what_cannot_be_used_is_named(make, what):
     with pytest.raises(UsageError, match=what):
         make()
+
+
+def test_a_time_beyond_the_run_is_a_corrupted_message(core):
+    assert core.take([running(1), running(2**31 - 1)]) == running(1)
+    assert (core.ended, core.stale, core.lost) == (None, 1, 0)
+    assert core.take([running(2)]) == running(2)
+    assert core.take([running(101)]) is None
+    assert core.ended is RunEnd.TIME_UP

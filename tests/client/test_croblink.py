@@ -1,16 +1,20 @@
 """`ciberrato.croblink` as agents use it."""
 
 import re
+import socket
 import subprocess
 import sys
 import textwrap
+import threading
 from dataclasses import replace
 
 import pytest
 
 from ciberrato import croblink
+from ciberrato.errors import UsageError
 from ciberrato.files.run_log import read_run
-from ciberrato.protocol import BeaconReading, HeardMessage, Measures, ScoreReading
+from ciberrato.protocol import Acceptance, BeaconReading, HeardMessage, Measures, ScoreReading, encode
+from ciberrato.world.parameters import Parameters
 from tests.client.conftest import simulator
 
 # As the course's agents are written: a star import, a subclass with a constructor of its own, a loop that
@@ -172,3 +176,47 @@ def test_the_star_import_brings_the_constants_and_the_classes():
     names = {}
     exec(textwrap.dedent("from ciberrato.croblink import *"), names)
     assert {"CRobLink", "CRobLinkAngs", "CMeasures", "NUM_IR_SENSORS", "UDP_IP", "UDP_PORT"} <= set(names)
+
+
+class Peer(threading.Thread):
+    """A simulator over UDP: a Reply, then some datagrams."""
+
+    def __init__(self, *datagrams):
+        super().__init__(daemon=True)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(30)
+        self._datagrams = (encode(Acceptance(parameters=Parameters())), *datagrams)
+        self.host = f"127.0.0.1:{self._socket.getsockname()[1]}"
+
+    def run(self):
+        _, peer = self._socket.recvfrom(2048)
+        for data in self._datagrams:
+            self._socket.sendto(data, peer)
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def __exit__(self, *_):
+        self.join(30)
+        self._socket.close()
+
+
+def test_a_broken_message_does_not_end_the_agent():
+    with Peer(b"<Measures", b"", encode(Measures(time=4, start=True))) as peer:
+        robot = croblink.CRobLink("r2", 1, peer.host)
+        robot.readSensors()
+        assert robot.measures.time == 4
+        robot.sock.close()
+
+
+def test_a_log_that_cannot_be_written_is_told_before_registering(tmp_path, monkeypatch):
+    monkeypatch.setenv(croblink.LOG_VARIABLE, str(tmp_path / "none" / "run.jsonl"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        peer.setblocking(False)
+        with pytest.raises(UsageError, match="cannot be written"):
+            croblink.CRobLink("r2", 1, f"127.0.0.1:{peer.getsockname()[1]}")
+        with pytest.raises(BlockingIOError):
+            peer.recv(2048)

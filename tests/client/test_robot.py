@@ -187,12 +187,24 @@ def test_arguments_are_checked_before_anything_is_opened(tmp_path):
         {"host": "localhost:99999"},
         {"transport": "smoke"},
         {"localize": "atlantis"},
+        {"localize": 7},
+        {"name": None},
+        {"host": None},
+        {"timeout": 0},
+        {"timeout": math.nan},
+        {"timeout": "2"},
+        {"give_up_after": math.nan},
+        {"give_up_after": None},
+        {"log": 7},
+        {"log": ""},
+        {"log": tmp_path},
     ):
         with pytest.raises(UsageError):
-            Robot("r2", **wrong)
+            Robot(**{"name": "r2", **wrong})
     simulation = Simulation(read_lab(find_lab("maze")), read_grid(find_grid("maze")))
     with pytest.raises(UsageError, match="cannot be written"):
         Robot("r2", simulation=simulation, log=tmp_path / "none" / "run.jsonl")
+    assert len(simulation.poses()) == 0  # no robot has taken a place
 
 
 @pytest.mark.slow

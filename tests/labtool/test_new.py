@@ -154,14 +154,6 @@ def test_the_program_writes_two_files_and_none_over_another(
     assert main([*words, "--force"]) == 0
 
 
-def test_nothing_is_written_where_the_figure_cannot_be(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["new", "-o", str(tmp_path / "a"), "--png", str(tmp_path / "a.txt")]) == 2
-    assert "cannot write a figure of kind 'txt'" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_an_empty_lab_is_not_named_random(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["new"]) == 0
@@ -172,3 +164,22 @@ def test_an_empty_lab_is_not_named_random(tmp_path: Path, monkeypatch: pytest.Mo
         "random_grid",
         "random_lab",
     ]
+
+
+def test_nothing_is_written_where_something_cannot_be(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = str(tmp_path / "a")
+    for picture in ("none/a.png", "a.odd"):
+        assert main(["new", "-o", name, "--png", str(tmp_path / picture)]) == 2
+    for nameless in ("", "/", "."):
+        assert main(["new", "-o", nameless]) == 2
+        assert "names no file" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_largest_empty_lab_has_no_wall() -> None:
+    made = empty_lab(Order(name="Wide", rows=40, columns=60))
+    assert made.lab_xml.count("<Row ") == 79
+    assert "|" not in made.lab_xml
+    assert "--" not in made.lab_xml

@@ -16,7 +16,7 @@ from ciberrato.errors import UsageError
 from ciberrato.files.run_log import RunWriter, read_run
 from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.localization import Estimate, PoseEstimate
-from ciberrato.protocol import Actions, Measures, RobotRegistration
+from ciberrato.protocol import Actions, BeaconReading, Measures, RobotRegistration
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
@@ -272,3 +272,36 @@ def test_closed_before_its_tables_it_takes_nothing(small_lab):
     localizer.close()
     with pytest.raises(ValueError, match="closed before its tables"):
         localizer.observe(Measures(time=0))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"infrared": (math.nan, 1.0, 1.0, 1.0)},
+        {"compass": math.inf},
+        {"gps": (1.0, math.nan)},
+        {"beacons": (BeaconReading(beacon=0, bearing=math.nan),)},
+    ],
+)
+def test_readings_that_are_no_numbers_are_refused_and_change_nothing(small_lab, tables, wrong):
+    with (
+        PoseFilter(small_lab, PARAMETERS, ANGLES, tables=tables, wait=True) as localizer,
+        PoseFilter(small_lab, PARAMETERS, ANGLES, tables=tables, wait=True) as other,
+    ):
+        good = [
+            Measures(time=time, start=True, infrared=(1.0, 1.0, 1.0, 1.0), compass=0.0) for time in (1, 2)
+        ]
+        localizer.observe(good[0])
+        with pytest.raises(ValueError, match="readings are finite"):
+            localizer.observe(dataclasses.replace(good[1], **wrong), (0.1, 0.1))
+        other.observe(good[0])
+        assert localizer.observe(good[1], (0.1, 0.1)) == other.observe(good[1], (0.1, 0.1))
+
+
+@pytest.mark.parametrize("command", [5, "ab", (None, None), (0.1,), (math.nan, 0.0)])
+def test_what_is_no_command_is_refused(small_lab, tables, command):
+    localizer = PoseFilter(small_lab, PARAMETERS, ANGLES, tables=tables, wait=True)
+    with pytest.raises(ValueError, match="command of two motors"):
+        localizer.observe(Measures(time=1), command)
+    with pytest.raises(ValueError, match="is not a Lab"):
+        PoseFilter("maze", PARAMETERS)

@@ -50,25 +50,6 @@ def new_figure(width: float, height: float, *, layout: Layout = "constrained") -
     return figure
 
 
-def check_figure_kind(path: Path) -> str:
-    """Return the kind of figure that a file's ending asks for: ``png`` where it has none.
-
-    Raises
-    ------
-    UsageError
-        If there is no such kind.
-    """
-    from matplotlib.backend_bases import FigureCanvasBase
-
-    kind = path.suffix.lstrip(".").lower() or "png"
-    known = FigureCanvasBase.get_supported_filetypes()
-    if kind not in known:
-        raise UsageError(
-            f"{path}: cannot write a figure of kind {kind!r}; use one of {', '.join(sorted(known))}"
-        )
-    return kind
-
-
 def save_figure(figure: Any, path: Path) -> None:
     """Write a figure under a temporary name, then rename it.
 
@@ -85,11 +66,33 @@ def save_figure(figure: Any, path: Path) -> None:
     """
     import io
 
-    kind = check_figure_kind(path)
+    kind = figure_kind(path)
     buffer = io.BytesIO()
     # What the maps' fixed shapes leave empty round the figure is cut off.
     figure.savefig(buffer, format=kind, dpi=120, bbox_inches="tight", pad_inches=0.08)
     replace_file(path, buffer.getvalue())
+
+
+def figure_kind(path: Path) -> str:
+    """Return the format that a figure's file asks for by its ending.
+
+    Raises
+    ------
+    UsageError
+        If the format is unknown, or no file can be there.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    kind = path.suffix.lstrip(".").lower() or "png"
+    known = FigureCanvasAgg.get_supported_filetypes()
+    if kind not in known:
+        raise UsageError(
+            f"{path}: cannot write a figure of kind {kind!r}; use one of {', '.join(sorted(known))}"
+        )
+    if path.is_dir() or not path.parent.is_dir():
+        reason = "Is a directory" if path.is_dir() else "No such file or directory"
+        raise UsageError(f"{path}: cannot be written: {reason}")
+    return kind
 
 
 def draw_walls(axis: Any, lab: Lab, *, colour: str = "white") -> None:
