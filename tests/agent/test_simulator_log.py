@@ -45,7 +45,10 @@ def test_localize_takes_the_lab_from_the_log(real_log, tmp_path, capsys):
     (run,) = read_beliefs(output)
     assert run.beliefs.shape[1:] == (7, 14)
     assert np.isfinite(run.beliefs).all()
-    assert "written:" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "written:" in said.out
+    # The other robot was in view, and this one did not drive to the right: that is told.
+    assert "do not fit a robot that drives to the right alone" in said.err
 
 
 @pytest.mark.parametrize(

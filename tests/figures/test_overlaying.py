@@ -139,7 +139,7 @@ def test_a_drive_without_tables_shows_no_belief(tmp_path):
         assert told.shapes == ()
     out = io.StringIO()
     watch(path, LAB, out=out, once=True, colour=False)
-    assert "nothing is known of the pose yet" in out.getvalue()
+    assert "no pose in the log yet" in out.getvalue()
     assert "most likely" not in out.getvalue()
     found = Cycle(time=20, estimate=(3.5, 4.5, 90.0, 0.97), cells=((2, 1, 0.97),), phase="explore")
     with RunWriter(path, HEADER) as writer:
