@@ -46,6 +46,7 @@ LOCALIZATION = ("belief", "evidence", "tables", "refinement", "filtering", "live
 APPLICATIONS = {
     "viewer": set(),
     "evaluation": {"agent", "simulator_stub"},
+    "grading": {"simulator_stub", "viewer"},
 }
 # The rooms of the two processes, likewise; both stand on all of the library.
 AGENT = {
