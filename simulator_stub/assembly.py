@@ -111,7 +111,7 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
 
 def _silent_cycles(options: argparse.Namespace, parameters: Parameters) -> int | None:
     """Cycles without a word of any robot that end a run; None = any number."""
-    seconds = options.exit_when_silent
+    seconds: float | None = options.exit_when_silent
     if seconds is None or math.isinf(seconds):
         return None
     return math.ceil(seconds * 1000.0 / max(parameters.cycle_time, 1))

@@ -97,8 +97,8 @@ def _parser() -> argparse.ArgumentParser:
         "--exit-when-silent",
         type=_seconds,
         metavar="SECONDS",
-        help="as --exit-at-end, and a run is over, too, when no robot has sent anything for that long, by the "
-        "simulation's own clock",
+        help="as --exit-at-end, and a run is over, too, when no robot has sent anything for that long, by "
+        "the simulation's own clock",
     )
     output = parser.add_argument_group("output")
     output.add_argument(

@@ -95,7 +95,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _shown(name: str) -> str:
-    """A name, without what a terminal would obey."""
+    """Return a name without what a terminal would obey."""
     return "".join(sign if sign.isprintable() else "?" for sign in name)
 
 

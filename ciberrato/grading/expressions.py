@@ -131,7 +131,7 @@ class Formula:
 
 def _value(node: Any, values: Mapping[str, float]) -> float:
     match node:
-        case ast.Constant(value=value):
+        case ast.Constant(value=bool() | int() | float() as value):
             return float(value)
         case ast.Name(id=name):
             return float(values[name])

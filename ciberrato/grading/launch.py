@@ -15,9 +15,10 @@ from typing import Any
 
 from ciberrato.errors import CiberratoError
 from ciberrato.files.lab import read_lab
-from ciberrato.grading import children, sandbox
+from ciberrato.files.parameters import parse_parameters
+from ciberrato.grading import sandbox
 from ciberrato.grading.course import Agent, Course, parameters_document
-from ciberrato.grading.outcome import Outcome, judge
+from ciberrato.grading.outcome import Outcome, exit_words, judge
 from ciberrato.grading.supervisor import supervisor_command
 from ciberrato.grading.task import Task
 from ciberrato.grading.workspace import copy_folder
@@ -50,6 +51,7 @@ class Launcher:
     def __init__(self, course: Course, kind: str, recordings: Path, temporary: Path) -> None:
         self._course = course
         self._kind = kind
+        self._overhead = 2 if kind == "bwrap" else 0  # bwrap itself, outside and inside
         self._recordings = recordings
         self._temporary = temporary
         self._built: dict[str, tuple[Path | None, str | None]] = {}
@@ -78,6 +80,8 @@ class Launcher:
         """
         files, failure = self._files(task.agent)
         targets = len(read_lab(task.lab.lab).targets)
+        text = parameters_document(task.lab.parameters, task.lab.settings)
+        cycle_time = parse_parameters(text).cycle_time
         if failure is not None:
             return Outcome(status="not built", detail="see the output", targets=targets), {"tail": failure}
         for _ in range(ATTEMPTS):
@@ -88,6 +92,7 @@ class Launcher:
                     outcome = judge(
                         document,
                         targets=targets,
+                        cycle_time=cycle_time,
                         folder=folder / "work",
                         reference=folder / "scoring",
                         scoring=task.lab.scoring,
@@ -122,30 +127,20 @@ class Launcher:
         copy_folder(agent.folder, target)
         if agent.build is None:
             return target, None
-        limits = self._course.limits
-        command = self._inside(list(agent.build), agent, target)
-        if self._kind == "bwrap":
-            command = sandbox.around_run(command)
-        process = subprocess.Popen(
-            command,
-            cwd=target if self._kind == "none" else None,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            env=sandbox.environment_of_agent(dict(agent.environment)),
-            start_new_session=True,
+        document = self._supervise(
+            {
+                "simulator": None,
+                "agent": self._inside(list(agent.build), agent, target),
+                "environment": sandbox.environment_of_agent(dict(agent.environment)),
+                "work": str(target) if self._kind == "none" else None,
+                "limits": asdict(self._course.limits) | {"time": self._course.limits.build},
+                "overhead": self._overhead,
+            }
         )
-        try:
-            output, _ = process.communicate(timeout=limits.build)
-            why = f"exit status {process.returncode}" if process.returncode else None
-        except subprocess.TimeoutExpired:
-            output, why = b"", f"not done after {limits.build:g} s"
-        finally:
-            children.end_all(
-                lambda: [*children.descendants(process.pid), *([process.pid] * (process.poll() is None))]
-            )
-        text = output.decode("utf-8", "replace")[-4096:]
-        return target, None if why is None else f"{text}\n{' '.join(agent.build)}: {why}".strip()
+        why = document["note"] or document["stopped"] or exit_words(document)
+        if why in ("", "exit status 0"):
+            return target, None
+        return target, f"{document['tail']}\n{' '.join(agent.build)}: {why}".strip()
 
     def _inside(self, command: list[str], agent: Agent, work: Path) -> list[str]:
         if self._kind == "none":
@@ -197,9 +192,10 @@ class Launcher:
             "work": None if sandboxed else str(work),
             "result": str(folder / "result.json"),
             "log": str(folder / "log.xml"),
+            "title": f"of {agent.name}, {lab.name}, seed {task.seed}",
             "recording": str(self._recordings / f"{task.file}.js"),
             "limits": asdict(course.limits),
-            "overhead": 2 if sandboxed else 0,  # bwrap itself, outside and inside
+            "overhead": self._overhead,
         }
 
     def _supervise(self, wanted: dict[str, Any]) -> dict[str, Any]:
@@ -214,7 +210,9 @@ class Launcher:
             start_new_session=True,  # a Ctrl-C is for us alone
         )
         self._running.add(process)
-        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
         try:
             with contextlib.suppress(OSError):
                 process.stdin.write(json.dumps(wanted).encode() + b"\n")

@@ -30,8 +30,8 @@ class Outcome:
         More of it, as the exit status.
     score, visited, targets, arrival_time, returning_time, collisions : int
         As the simulator counts them.
-    time, sim_time : int
-        Cycles run, and at most.
+    time, sim_time, cycle_time : int
+        Cycles run, and at most; milliseconds of a cycle.
     answered, unanswered, late : int
         Cycles, and answers that came after their cycle.
     last_answer : int or None
@@ -51,6 +51,7 @@ class Outcome:
     collisions: int = 0
     time: int = 0
     sim_time: int = 0
+    cycle_time: int = 0
     answered: int = 0
     unanswered: int = 0
     late: int = 0
@@ -77,7 +78,7 @@ class Outcome:
 
 
 def judge(
-    document: Mapping[str, Any], *, targets: int, folder: Path, reference: Path, scoring: int
+    document: Mapping[str, Any], *, targets: int, cycle_time: int, folder: Path, reference: Path, scoring: int
 ) -> Outcome:
     """Say what came of a run.
 
@@ -87,6 +88,8 @@ def judge(
         As `ciberrato.grading.supervisor` writes it.
     targets : int
         Of the lab.
+    cycle_time : int
+        Milliseconds.
     folder : Path
         Where the agent worked.
     reference : Path
@@ -100,10 +103,8 @@ def judge(
     """
     run = document["run"]
     if not document["registered"] or not run or not run["robots"]:
-        detail = document["note"] or document["stopped"] or _exit(document) or "the run did not start"
-        return Outcome(
-            status="never registered", detail=detail, registered=document["registered"], targets=targets
-        )
+        detail = document["note"] or document["stopped"] or exit_words(document) or "the run did not start"
+        return Outcome(status="never registered", detail=detail, targets=targets)
     robot = run["robots"][0]
     lockstep = robot.get("lockstep", {})
     status, detail = _status(document, run, robot)
@@ -120,6 +121,7 @@ def judge(
         collisions=robot["collisions"],
         time=run["time"],
         sim_time=run["sim_time"],
+        cycle_time=cycle_time,
         answered=robot["answered"],
         unanswered=robot["unanswered"],
         late=lockstep.get("late", robot["caught_up"]),
@@ -137,15 +139,16 @@ def _status(document: Mapping[str, Any], run: Mapping[str, Any], robot: Mapping[
     if robot["state"] == "Finished":
         return "finished", ""
     if silent is None:
-        return ("time over", "") if run["state"] == "Finished" else (f"left at {at}", _exit(document))
+        return ("time over", "") if run["state"] == "Finished" else (f"left at {at}", exit_words(document))
     if document["signal"] or document["exit"]:
-        return f"crashed at {at}", _exit(document)
+        return f"crashed at {at}", exit_words(document)
     if document["exit"] == 0:
-        return f"left at {at}", _exit(document)
+        return f"left at {at}", exit_words(document)
     return f"silent since {at}", ""
 
 
-def _exit(document: Mapping[str, Any]) -> str:
+def exit_words(document: Mapping[str, Any]) -> str:
+    """Say how a process ended: by which signal, with which status; nothing if it did not by itself."""
     if document["signal"]:
         try:
             return f"signal {signal.Signals(document['signal']).name}"

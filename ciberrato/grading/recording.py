@@ -7,6 +7,7 @@ is written where it does.
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ FORMAT = 1
 _SCALES = (1000, 1000, 10)
 
 
-def write_recording(log: Path, target: Path) -> bool:
+def write_recording(log: Path, target: Path, title: str) -> bool:
     """Write the recording of a log.
 
     Parameters
@@ -24,7 +25,9 @@ def write_recording(log: Path, target: Path) -> bool:
     log : Path
         As the simulator writes it.
     target : Path
-        A script that hands the recording to the page: so it can be opened from a disk.
+        Its file: a script that hands the recording to the page: so it can be opened from a disk.
+    title : str
+        What the page says it is.
 
     Returns
     -------
@@ -39,6 +42,9 @@ def write_recording(log: Path, target: Path) -> bool:
     except CiberratoError:
         return False
     document = compact(session)
+    for news in document["news"]:
+        if news["type"] == "status":
+            news["simulator"] = title
     if not document["times"]:
         return False
     text = json.dumps(document, separators=(",", ":"))
@@ -106,4 +112,4 @@ def _add(robot: dict[str, Any], number: int, row: list[Any]) -> None:
 
 
 def _differences(values: list[int]) -> list[int]:
-    return values[:1] + [after - before for before, after in zip(values, values[1:], strict=False)]
+    return values[:1] + [after - before for before, after in pairwise(values)]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import selectors
 import signal
@@ -34,15 +35,19 @@ _MB = 1 << 20
 
 
 class Stream:
-    """What a process writes: counted, the last of it kept."""
+    """What a process writes: counted up to a limit, the last of that kept."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int, limit: float = math.inf) -> None:
         self.count = 0
         self.tail = b""
         self._most = most
+        self._limit = limit
 
     def add(self, data: bytes) -> None:
         """Take some more."""
+        if self.count + len(data) > self._limit:
+            # So what is kept does not depend on when the process is stopped.
+            data = data[: int(self._limit) + 1 - self.count]
         self.count += len(data)
         self.tail = (self.tail + data)[-self._most :]
 
@@ -57,7 +62,7 @@ class Run:
     Parameters
     ----------
     wanted : mapping
-        ``simulator`` and ``agent`` (command lines), ``environment``, ``work`` (the agent's working folder,
+        ``simulator`` (command line; None: the agent's build command is run alone) and ``agent`` (the same), ``environment``, ``work`` (the agent's working folder,
         or None if the command line sees to it), ``result`` (the simulator's result file), ``limits``,
         ``overhead`` (processes of the sandbox's own).
     """
@@ -68,7 +73,7 @@ class Run:
         self._selector = selectors.DefaultSelector()
         self._open = 0
         self._simulator_output = Stream(1 << 16)
-        self._agent_output = Stream(TAIL)
+        self._agent_output = Stream(TAIL, self._limits["output"] * 1024)
         self._simulator: subprocess.Popen[bytes] | None = None
         self._agent: subprocess.Popen[bytes] | None = None
         self._stopped: str | None = None
@@ -92,6 +97,8 @@ class Run:
 
     def _run(self) -> dict[str, Any]:
         self._watch(sys.stdin.buffer, self._parent)
+        if self._wanted["simulator"] is None:
+            return self._run_alone()
         self._simulator = subprocess.Popen(
             self._wanted["simulator"],
             stdin=subprocess.DEVNULL,
@@ -105,6 +112,26 @@ class Run:
             return {"error": text or "the simulator does not start", "busy": "cannot listen" in text}
         limits = self._limits
         began = time.monotonic()
+        failure = self._start_agent()
+        if failure is not None:
+            return self._document(began, note=failure)
+        self._until(self._registered, limits["registration"])
+        if not self._registered():
+            note = None if self._agent_ended() else f"not registered after {limits['registration']:g} s"
+            self._stopped = self._stopped or note
+            return self._document(began)
+        if not self._until(lambda: False, limits["time"] + began - time.monotonic()) and self._goes_on():
+            self._stop("time limit")
+            # The simulator ends by itself, as its robot is silent; only should it not, it is ended.
+            self._until(lambda: False, 60.0 + 2.0 * limits["silence"])
+        until = time.monotonic() + GRACE
+        while self._agent.poll() is None and time.monotonic() < until and not self._orphaned:
+            self._look(LOOK)
+        return self._document(began)
+
+    def _start_agent(self) -> str | None:
+        """Start the agent; return why it cannot be."""
+        limits = self._limits
         try:
             self._agent = subprocess.Popen(
                 self._wanted["agent"],
@@ -121,21 +148,18 @@ class Run:
                 ),
             )
         except OSError as error:
-            return self._document(began, note=f"cannot be started: {error.strerror}")
+            return f"cannot be started: {error.strerror}"
         self._watch(self._agent.stdout, self._agent_output.add)
-        self._until(self._registered, limits["registration"])
-        if not self._registered():
-            note = None if self._agent_ended() else f"not registered after {limits['registration']:g} s"
-            self._stopped = self._stopped or note
-            return self._document(began)
-        if not self._until(lambda: False, limits["time"] + began - time.monotonic()) and self._goes_on():
-            self._stop("time limit")
-            # The simulator ends by itself, as its robot is silent; only should it not, it is ended.
-            self._until(lambda: False, 60.0 + 2.0 * limits["silence"])
-        until = time.monotonic() + GRACE
-        while self._agent.poll() is None and time.monotonic() < until and not self._orphaned:
+        return None
+
+    def _run_alone(self) -> dict[str, Any]:
+        began = time.monotonic()
+        failure = self._start_agent()
+        while failure is None and not self._agent_ended() and not self._orphaned:
             self._look(LOOK)
-        return self._document(began)
+            if time.monotonic() - began > self._limits["time"]:
+                self._stop("time limit")
+        return self._document(began, note=failure)
 
     # --- what goes on ---------------------------------------------------------------------------
 
@@ -228,7 +252,7 @@ class Run:
             code, number = None, -status if status < 0 else status - 128
         return {
             "error": None,
-            "run": _last_run(Path(self._wanted["result"])),
+            "run": _last_run(self._wanted.get("result")),
             "registered": self._registered(),
             "note": note,
             "stopped": self._stopped,
@@ -243,9 +267,9 @@ class Run:
         }
 
 
-def _last_run(path: Path) -> dict[str, Any] | None:
+def _last_run(path: str | None) -> dict[str, Any] | None:
     try:
-        runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
+        runs = json.loads(Path(path or os.devnull).read_text(encoding="utf-8"))["runs"]
     except (OSError, ValueError, KeyError):
         return None
     return runs[-1] if runs else None
@@ -266,7 +290,7 @@ def main() -> int:
     if wanted.get("log") and document.get("run"):
         from ciberrato.grading.recording import write_recording
 
-        write_recording(Path(wanted["log"]), Path(wanted["recording"]))
+        write_recording(Path(wanted["log"]), Path(wanted["recording"]), wanted["title"])
     print(json.dumps(document), flush=True)
     return 0
 

@@ -51,6 +51,7 @@ export class Socket {
       if (message.epoch !== undefined) this.epoch = message.epoch;
       this.onMessage(message);
     }
+    if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) document.getElementById("play").click();
   }
 
   send(message) {

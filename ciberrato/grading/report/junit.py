@@ -54,7 +54,7 @@ def _count(element: ElementTree.Element, counts: list[int]) -> None:
 
 def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float) -> str | None:
     task, outcome = run.task, run.outcome
-    seconds = outcome.time * 0.05
+    seconds = outcome.time * outcome.cycle_time / 1000.0
     case = ElementTree.SubElement(
         suite,
         "testcase",

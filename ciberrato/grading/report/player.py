@@ -26,13 +26,14 @@ def player_files() -> dict[str, str]:
         ``play.html`` is given the recording's name as ``?run=NAME``.
     """
     page = _viewers("index.html")
-    assert page.count(_MODULE_TAG) == 1 and page.count(_BRAND) == 1
+    assert page.count(_MODULE_TAG) == 1
+    assert page.count(_BRAND) == 1
     page = page.replace(_MODULE_TAG, '<script defer src="play.js"></script>')
-    page = page.replace(_BRAND, f'<a class="icon" href="index.html" id="back" title="All runs">‹</a>{_BRAND}')
+    page = page.replace(_BRAND, f'<a href="index.html" id="back">‹ All runs</a>{_BRAND}')
     return {
         "play.html": page,
         "play.js": bundle("main"),
-        "style.css": _viewers("style.css"),
+        "style.css": _viewers("style.css") + asset("back.css"),
         "icon.svg": _viewers("icon.svg"),
     }
 

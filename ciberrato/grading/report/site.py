@@ -6,6 +6,7 @@ import importlib.resources
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from ciberrato.grading.standing import Standing
 
 _WIDTH, _HEIGHT = 160, 22
+_OPEN = 3
+"""Agents whose runs are shown at once; those of others at a click."""
 
 
 def asset(name: str) -> str:
@@ -38,58 +41,31 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
     str
         HTML. Names and outputs are text in it, whatever they hold.
     """
-    labs = [lab for lab in course.labs]
-    runs = [points for standing in ranked for _, points in standing.runs]
-    low, high = min([0.0, *runs]), max([0.0, *runs])
+    points = [points for standing in ranked for _, points in standing.runs]
+    low, high = min([0.0, *points]), max([0.0, *points])
     if course.points.maximum is not None:
         low, high = 0.0, course.points.maximum
-    heads = "".join(f'<th class="num">{escape(lab.name)}<small>×{lab.weight:g}</small></th>' for lab in labs)
-    rows = "".join(_row(number, standing, course, low, high) for number, standing in enumerate(ranked, 1))
-    agents = "".join(_agent(number, standing, folder) for number, standing in enumerate(ranked, 1))
-    pace = "lockstep" if course.lockstep else f"{course.speed:g} × real time"
-    count = len(runs)
-    notice = (
-        f'<p class="notice">Incomplete: {missing} of {missing + count} runs are still to be done.</p>'
-        if missing
-        else ""
+    pace = "in lockstep" if course.lockstep else f"at {course.speed:g} times real time"
+    labs = [f'<th class="num">{escape(lab.name)}<small>×{lab.weight:g}</small></th>' for lab in course.labs]
+    notice = f"Incomplete: {missing} of {missing + len(points)} runs are still to be done."
+    return Template(asset("report.html")).substitute(
+        title=escape(course.title),
+        summary=", ".join(
+            [
+                *(f"{len(ranked)} agents", f"{len(labs)} labs", f"{len(course.seeds)} seeds"),
+                *(f"{len(points)} runs", pace),
+            ]
+        ),
+        notice=f'<p class="notice">{notice}</p>' if missing else "",
+        labs="".join(labs),
+        span=f"{low:g} to {high:g}",
+        ranking="".join(
+            _row(number, standing, course, low, high) for number, standing in enumerate(ranked, 1)
+        ),
+        formula=escape(course.points.formula.text),
+        cut="" if course.points.maximum is None else f", cut to 0 and {course.points.maximum:g}",
+        agents="".join(_agent(number, standing, folder) for number, standing in enumerate(ranked, 1)),
     )
-    maximum = "" if course.points.maximum is None else f", from 0 to {course.points.maximum:g}"
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'self' file:; script-src 'self' file:; img-src 'self' file: data:; base-uri 'none'; form-action 'none'">
-<title>{escape(course.title)}</title>
-<link rel="icon" href="icon.svg" type="image/svg+xml">
-<link rel="stylesheet" href="report.css">
-</head>
-<body>
-<header>
-<h1>{escape(course.title)}</h1>
-<p>{len(ranked)} agents, {len(labs)} labs, {len(course.seeds)} seeds, {count} runs, in {pace}</p>
-</header>
-{notice}
-<main>
-<section>
-<h2>Ranking</h2>
-<div class="scroll"><table class="ranking">
-<thead><tr><th class="num">Place</th><th>Agent</th><th class="num">Points</th>{heads}<th>Points of its runs, {low:g} to {high:g}</th><th class="num">Failed runs</th></tr></thead>
-<tbody>{rows}</tbody>
-</table></div>
-<p class="hint">Points of a run: <code>{escape(course.points.formula.text)}</code>{maximum}. A lab counts by the mean over its seeds,
-the total is the mean of the labs by their weights (×). Equal totals share a place.</p>
-<p class="hint">Also as <a href="results.csv">CSV</a>, <a href="results.json">JSON</a>, <a href="junit.xml">JUnit XML</a>,
-<a href="measured.csv">times and memory (CSV)</a>, and for Gradescope in <code>gradescope/</code>.</p>
-</section>
-{agents}
-</main>
-<script src="report.js"></script>
-<script src="measured.js"></script>
-</body>
-</html>
-"""
 
 
 def _row(number: int, standing: Standing, course: Course, low: float, high: float) -> str:
@@ -97,11 +73,12 @@ def _row(number: int, standing: Standing, course: Course, low: float, high: floa
         f'<td class="num">{_points(standing.labs[lab.name]) if lab.name in standing.labs else "–"}</td>'
         for lab in course.labs
     )
+    strip = _strip([points for _, points in standing.runs], standing.total, low, high)
     failed = f'<td class="num bad">{standing.bad}</td>' if standing.bad else '<td class="num">0</td>'
     return (
         f'<tr><td class="num place">{standing.place}</td><td><a href="#agent-{number}">'
         f'{escape(standing.agent)}</a></td><td class="num total">{_points(standing.total)}</td>{cells}'
-        f"<td>{_strip([points for _, points in standing.runs], standing.total, low, high)}</td>{failed}</tr>\n"
+        f"<td>{strip}</td>{failed}</tr>\n"
     )
 
 
@@ -123,20 +100,14 @@ def _strip(points: Sequence[float], mean: float, low: float, high: float) -> str
 
 
 def _agent(number: int, standing: Standing, folder: Path) -> str:
-    rows = "".join(_run(run, points, folder) for run, points in standing.runs)
-    return f"""<section id="agent-{number}">
-<details{" open" * (number <= 3)}>
-<summary><h2>{escape(standing.agent)}</h2><span>place {standing.place}, {_points(standing.total)} points</span></summary>
-<div class="scroll"><table class="runs">
-<thead><tr><th></th><th>Lab</th><th class="num">Seed</th><th>What came of it</th><th class="num">Points</th><th class="num">Score</th>
-<th class="num">Targets</th><th class="num">Arrival</th><th class="num">Return</th><th class="num">Collisions</th><th class="num">Cycles</th>
-<th class="num" title="Cycles whose Measures were not answered">Unanswered</th><th class="num" title="Answers that came after their cycle">Late</th>
-<th class="num">Map</th><th class="num">Tour</th><th class="num">Seconds</th><th class="num">MB</th><th>Output</th></tr></thead>
-<tbody>{rows}</tbody>
-</table></div>
-</details>
-</section>
-"""
+    return Template(asset("agent.html")).substitute(
+        number=number,
+        open=" open" * (number <= _OPEN),
+        name=escape(standing.agent),
+        place=standing.place,
+        points=_points(standing.total),
+        runs="".join(_run(run, points, folder) for run, points in standing.runs),
+    )
 
 
 def _run(run: Graded, points: float, folder: Path) -> str:

@@ -92,5 +92,5 @@ def _csv(rows: list[list[Any]]) -> str:
 
 
 def _cell(value: Any) -> Any:
-    """A cell; texts that a spreadsheet would take for a formula get an apostrophe, as it does itself."""
+    """Return a cell; what a spreadsheet would take for a formula gets an apostrophe, as by its own habit."""
     return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULAS) else value
