@@ -146,8 +146,15 @@ class Launcher:
         if self._kind == "none":
             return command
         shown_as = NOWHERE if agent.folder is None else str(agent.folder)
-        disk = self._course.limits.disk
-        return sandbox.around_agent(command, work, shown_as, megabytes=disk, readable=self._course.readable)
+        limits = self._course.limits
+        return sandbox.around_agent(
+            command,
+            work,
+            shown_as,
+            megabytes=limits.disk,
+            processes=limits.processes,
+            readable=self._course.readable,
+        )
 
     # --- a run ----------------------------------------------------------------------------------
 

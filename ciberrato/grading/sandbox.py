@@ -33,6 +33,8 @@ _SETTINGS = (
 )
 """What programs need of /etc; no passwords, no keys."""
 
+_TOOLS = "/usr/bin:/bin"
+
 _INNER = (
     *("--unshare-user", "--unshare-pid", "--unshare-ipc", "--unshare-uts", "--unshare-cgroup-try"),
     *("--uid", "1000", "--gid", "1000", "--hostname", "agent", "--cap-drop", "ALL"),
@@ -72,7 +74,7 @@ def _why_not() -> str | None:
     """Say why bubblewrap cannot be used, by using it the very way that a run does."""
     if sys.platform != "linux" or shutil.which("bwrap") is None:
         return "there is no bwrap here"
-    command = around_run(around_agent(["true"], Path("/tmp"), "/tmp", megabytes=1, readable=()))
+    command = around_run(around_agent(["true"], Path("/tmp"), "/tmp", megabytes=1, processes=8, readable=()))
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -89,7 +91,13 @@ def around_run(command: Sequence[str]) -> list[str]:
 
 
 def around_agent(
-    command: Sequence[str], work: Path, shown_as: str, *, megabytes: int, readable: Sequence[Path]
+    command: Sequence[str],
+    work: Path,
+    shown_as: str,
+    *,
+    megabytes: int,
+    processes: int,
+    readable: Sequence[Path],
 ) -> list[str]:
     """Put an agent into its sandbox.
 
@@ -102,6 +110,8 @@ def around_agent(
         The path that it sees it at.
     megabytes : int
         Size of its /tmp.
+    processes : int
+        That it may have at a time; the system holds those of root to none, so they are also counted.
     readable : sequence of Path
         What else it may see.
 
@@ -121,7 +131,9 @@ def around_agent(
     for path in _outermost([*_python(), *readable]):
         words += ["--ro-bind", str(path), str(path)]
     words += ["--bind", str(work), shown_as, "--chdir", shown_as]
-    return [*words, "--", *command]
+    # Within, as only there it counts the sandbox's processes and not all of the user's.
+    prlimit = [f"{tool}", f"--nproc={processes}"] if (tool := shutil.which("prlimit", path=_TOOLS)) else []
+    return [*words, "--", *prlimit, *command]
 
 
 def _python() -> list[Path]:

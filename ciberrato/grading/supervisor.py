@@ -62,9 +62,9 @@ class Run:
     Parameters
     ----------
     wanted : mapping
-        ``simulator`` (command line; None: the agent's build command is run alone) and ``agent`` (the same), ``environment``, ``work`` (the agent's working folder,
-        or None if the command line sees to it), ``result`` (the simulator's result file), ``limits``,
-        ``overhead`` (processes of the sandbox's own).
+        ``simulator`` and ``agent`` (command lines; without the first, None, the second is a build),
+        ``environment``, ``work`` (the agent's working folder, or None if the command line sees to it),
+        ``result`` (the simulator's result file), ``limits``, ``overhead`` (processes of the sandbox's own).
     """
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
@@ -125,7 +125,7 @@ class Run:
             # The simulator ends by itself, as its robot is silent; only should it not, it is ended.
             self._until(lambda: False, 60.0 + 2.0 * limits["silence"])
         until = time.monotonic() + GRACE
-        while self._agent.poll() is None and time.monotonic() < until and not self._orphaned:
+        while not self._agent_ended() and time.monotonic() < until and not self._orphaned:
             self._look(LOOK)
         return self._document(began)
 
@@ -212,10 +212,11 @@ class Run:
                 self._peak = children.Usage(
                     max(threads, self._peak.threads), max(used.memory, self._peak.memory)
                 )
-                if used.memory > limits["memory"] * _MB:
-                    self._stop("memory limit")
-                elif threads > limits["processes"]:
+                # Processes first: pages that forks still share are counted for each of them.
+                if threads > limits["processes"]:
                     self._stop("process limit")
+                elif used.memory > limits["memory"] * _MB:
+                    self._stop("memory limit")
         return any_news
 
     # --- ends -----------------------------------------------------------------------------------
