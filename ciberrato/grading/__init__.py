@@ -6,6 +6,7 @@ __all__ = [
     "course",
     "expressions",
     "fields",
+    "init",
     "launch",
     "outcome",
     "recording",

@@ -28,8 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0; 1 if runs could not be; 2 for what the user can put right; 130 if interrupted (what
         was run is kept).
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        status = _run(_parser().parse_args(arguments))
+        status = _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
         sys.stdout.flush()
         return status
     except BrokenPipeError:
@@ -40,6 +41,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for line in str(error).splitlines():
             print(f"{PROGRAM}: {line}", file=sys.stderr)
         return 2
+
+
+def _init(words: Sequence[str]) -> int:
+    from ciberrato.grading.init import write_course
+
+    parser = ProgramParser(f"{PROGRAM} init", description="Write a course to begin with.")
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    for path in write_course(parser.parse_args(words).folder):
+        print(path)
+    return 0
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -105,7 +116,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = ProgramParser(
         PROGRAM,
         description="Run every agent of a course in every lab with every seed, each in a sandbox with "
-        "limits, and write a report: a site without a network, CSV, JSON, JUnit and Gradescope.",
+        "limits, and write a report: a site without a network, CSV, JSON, JUnit and Gradescope. "
+        f"`{PROGRAM} init FOLDER` writes a course to begin with.",
     )
     parser.add_argument("course", type=Path, metavar="COURSE.toml", help="agents, labs, seeds, points")
     parser.add_argument(

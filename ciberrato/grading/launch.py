@@ -84,10 +84,10 @@ class Launcher:
         cycle_time = parse_parameters(text).cycle_time
         if failure is not None:
             return Outcome(status="not built", detail="see the output", targets=targets), {"tail": failure}
-        for _ in range(ATTEMPTS):
+        for attempt in range(ATTEMPTS):
             with tempfile.TemporaryDirectory(dir=self._temporary, ignore_cleanup_errors=True) as name:
                 folder = Path(name)
-                document = self._supervise(self._wanted(task, files, folder))
+                document = self._supervise(self._wanted(task, files, folder, self._port(attempt)))
                 if document["error"] is None:
                     outcome = judge(
                         document,
@@ -101,7 +101,14 @@ class Launcher:
                     return outcome, {name: document[name] for name in names}
             if not document["busy"]:
                 break
+            if not any("{port}" in word for word in task.agent.command):
+                hint = "end the program that has the port, use --sandbox bwrap, or {port} in the command"
+                raise RunError(f"{document['error']}; {hint}")
         raise RunError(str(document["error"]))
+
+    def _port(self, attempt: int) -> int:
+        """Choose a port: 6000, and others only where a program listens on that of all addresses."""
+        return FIXED_PORT if attempt == 0 or self._kind == "bwrap" else 20_000 + secrets.randbelow(12_000)
 
     def end(self) -> None:
         """End all runs that go on; those that are begun afterwards end at once."""
@@ -158,7 +165,7 @@ class Launcher:
 
     # --- a run ----------------------------------------------------------------------------------
 
-    def _wanted(self, task: Task, files: Path | None, folder: Path) -> dict[str, Any]:
+    def _wanted(self, task: Task, files: Path | None, folder: Path, port: int) -> dict[str, Any]:
         course, lab, agent = self._course, task.lab, task.agent
         work, scoring = folder / "work", folder / "scoring"
         if files is None:
@@ -172,7 +179,7 @@ class Launcher:
             *("--lab", str(lab.lab), "--param", str(folder / "parameters.xml")),
             *(("--grid", str(lab.grid)) if lab.grid is not None else ()),
             *("--scoring", str(lab.scoring), "--scoring-files", str(scoring), "--seed", str(task.seed)),
-            *("--bind", host, "--port", str(FIXED_PORT), "--autostart", "1", "--exit-at-end"),
+            *("--bind", host, "--port", str(port), "--autostart", "1", "--exit-at-end"),
             *("--exit-when-silent", str(course.limits.silence)),
             *("--result", str(folder / "result.json"), "--log", str(folder / "log.xml")),
         ]
@@ -184,13 +191,13 @@ class Launcher:
             simulator += ["--speed", str(course.speed)]
         values = {
             "{host}": host,
-            "{port}": str(FIXED_PORT),
+            "{port}": str(port),
             "{pos}": str(lab.position),
             "{lab}": lab.name,
             "{name}": agent.name,
             "{seed}": str(task.seed),
         }
-        extra = {"CIBERRATO_HOST": host, "CIBERRATO_PORT": str(FIXED_PORT), **dict(agent.environment)}
+        extra = {"CIBERRATO_HOST": host, "CIBERRATO_PORT": str(port), **dict(agent.environment)}
         sandboxed = self._kind == "bwrap"
         return {
             "simulator": module_command("simulator_stub", *simulator),

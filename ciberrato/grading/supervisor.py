@@ -207,12 +207,15 @@ class Run:
                 self._stop("output limit")
             elif time.monotonic() >= self._next_look:
                 self._next_look = time.monotonic() + LOOK
-                used = children.usage(self._agents_processes())
+                processes = self._agents_processes()
+                used = children.usage(processes)
+                if used.memory > limits["memory"] * _MB:
+                    exact = children.exact_memory(processes)
+                    used = used._replace(memory=used.memory if exact is None else exact)
                 threads = used.threads - self._wanted["overhead"]
                 self._peak = children.Usage(
                     max(threads, self._peak.threads), max(used.memory, self._peak.memory)
                 )
-                # Processes first: pages that forks still share are counted for each of them.
                 if threads > limits["processes"]:
                     self._stop("process limit")
                 elif used.memory > limits["memory"] * _MB:

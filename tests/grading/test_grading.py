@@ -1,6 +1,7 @@
 import json
 import shutil
 import signal
+import socket
 import subprocess
 import xml.etree.ElementTree as ElementTree
 
@@ -49,11 +50,21 @@ def course(folder, agents, seeds="[3]"):
     return path
 
 
-def good_agents(folder):
+def port_is_free():
+    """Whether no program of this machine has port 6000 of all addresses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", 6000))
+        except OSError:
+            return False
+    return True
+
+
+def good_agents(folder, *, fixed_port=False):
     write(folder, "robot", ROBOT)
     write(folder, "link", LINK)
     text = table("robot") + table("link")
-    if shutil.which("gcc"):
+    if shutil.which("gcc") and (fixed_port or port_is_free()):
         write(folder, "c", FIXED_PORT_IN_C, "agent.c")
         text += table("c", "./agent {host}", build="gcc -o agent agent.c")
     return text
@@ -70,7 +81,7 @@ def files(folder):
 
 @pytest.mark.slow
 def test_agents_that_do_harm_change_nothing_for_the_others(tmp_path, walls):
-    good = good_agents(tmp_path)
+    good = good_agents(tmp_path, fixed_port=walls == "bwrap")
     run(course(tmp_path, good), "--sandbox", walls, "--quiet", "--output", tmp_path / "alone")
     alone = rows(tmp_path / "alone")
     assert {row["status"] for row in alone} == {"time over"}
@@ -148,7 +159,8 @@ def test_the_report_shows_names_and_outputs_as_text(tmp_path):
     assert "<b>a mistake</b>" in document.find(".//system-out").text
     (place,) = (report / "gradescope").iterdir()
     results = json.loads((place / "results.json").read_text())
-    assert results["score"] == json.loads((report / "results.json").read_text())["ranking"][0]["points"]
+    total = json.loads((report / "results.json").read_text())["ranking"][0]["points"]
+    assert results["score"] == pytest.approx(total, abs=1e-6)
     assert {test["status"] for test in results["tests"]} == {"failed"}
     assert len(list((report / "recordings").iterdir())) == 2
 
@@ -168,23 +180,22 @@ def test_in_a_sandbox_an_agent_sees_neither_the_course_nor_others(tmp_path, wall
         except OSError:
             print("read-only")
         open("mine", "w").write("x")
-        print(os.listdir("."))
+        print(sorted(os.listdir(".")))
     """
     write(tmp_path, "spy", spy)
     write(tmp_path, "other", "the answers", "secret")
     run(course(tmp_path, table("spy"), "1"), "--sandbox", "bwrap", "--quiet", "--output", tmp_path / "report")
     said = json.loads((tmp_path / "report" / "runs.jsonl").read_text().splitlines()[0])["measured"]["tail"]
-    top = tmp_path.parts[2] if tmp_path.parts[1] == "tmp" else None
+    # Only the way to its own folder, which it sees where it is.
+    above = [tmp_path.parts[2]] if tmp_path.parts[1] == "tmp" else []
     assert said.splitlines() == [
         "False",
         "False",
-        f"{[top] if top else []} ['lo']",
+        f"{above} ['lo']",
         "True",
         "read-only",
         "['agent.py', 'mine']",
-    ] or sorted(said.splitlines()) == sorted(
-        ["False", "False", f"{[top] if top else []} ['lo']", "True", "read-only", "['mine', 'agent.py']"]
-    )
+    ]
     assert not (tmp_path / "agents" / "spy" / "mine").exists()
 
 

@@ -6,13 +6,12 @@ follow from agents, labs and seeds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ciberrato.errors import UsageError
-
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
     from ciberrato.grading.course import Course
     from ciberrato.grading.standing import Standing
 
@@ -36,6 +35,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
     UsageError
         If they cannot be written.
     """
+    from ciberrato.errors import UsageError
     from ciberrato.files.atomic import replace_file
     from ciberrato.grading.report import gradescope, junit, player, site, tables
 
