@@ -3,6 +3,7 @@
 __all__ = [
     "children",
     "cli",
+    "comparison",
     "course",
     "expressions",
     "fields",

@@ -94,6 +94,10 @@ def _run(options: argparse.Namespace) -> int:
         for one in ranked:
             bad = f"   {one.bad} of {len(one.runs)} runs failed" * (one.bad > 0)
             print(f"{one.place:3d}  {_shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
+        if options.compare is not None:
+            from ciberrato.grading.comparison import compare, words
+
+            print(words(compare(ranked, *options.compare), *map(_shown, options.compare)))
         print(folder / "index.html")
     if interrupted:
         print(
@@ -134,6 +138,9 @@ def _parser() -> argparse.ArgumentParser:
         "--jobs", type=_jobs, default=0, metavar="N", help="runs at a time; default: one a processor"
     )
     parser.add_argument("--report", action="store_true", help="run nothing, write the report of what was run")
+    parser.add_argument(
+        "--compare", nargs=2, metavar="AGENT", help="compare two agents by runs of the same lab and seed"
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     return parser
 
