@@ -108,10 +108,8 @@ def test_a_run_plays_in_a_browser_from_the_disk(tmp_path):
         page.click("a.play")
         page.wait_for_function("window.ciberrato?.store.last === 60")
         page.wait_for_function("window.ciberrato.state.t === 60", timeout=60_000)  # it plays by itself
-        state = page.evaluate(
-            "(() => { const r = ciberrato.store.frames.at(-1).robots[0]; return [r.x, r.state]; })()"
-        )
-        assert state[0] > 1.5
+        assert abs(page.evaluate("ciberrato.store.frames.at(-1).robots[0].dir")) > 5.0
+        assert page.evaluate("ciberrato.store.frames[0].robots[0].dir") == 0.0
         assert EVIL in page.inner_text("#robots")
         assert "seed 1" in page.inner_text("#status")
         page.click("#back")
