@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import os
 import re
 import secrets
@@ -14,6 +15,7 @@ from dataclasses import replace
 from ciberrato.checks.telling import tell
 from ciberrato.checks.things import start_findings, thing_findings
 from ciberrato.errors import UsageError
+from ciberrato.files.atomic import replace_file
 from ciberrato.files.findings import Finding
 from ciberrato.files.lab import default_lab, parse_lab_file
 from ciberrato.files.parameters import parse_parameter_file
@@ -92,13 +94,31 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
         kidnapper=kidnapper,
         notify=notify,
     )
-    runs = Runs(session, results, seed=seed, count=options.runs or int(options.exit_at_end))
+    runs = Runs(
+        session,
+        results,
+        seed=seed,
+        count=options.runs or int(options.exit_at_end or options.exit_when_silent is not None),
+        most_silent=_silent_cycles(options, parameters),
+    )
     print_line(f"seed {seed}")
     _announce(transports, options.bind, print_line)
     pace = _pace(options, session, parameters, notify)
+    results.answers = session.answers
     if isinstance(pace, Lockstep):
-        results.answers = pace.counts
-    return Server(session, transports, pace, runs.go_on)
+        results.lockstep = pace.counts
+    server = Server(session, transports, pace, runs.go_on)
+    if options.ready_file is not None:
+        replace_file(options.ready_file, f"{server.port}\n".encode())
+    return server
+
+
+def _silent_cycles(options: argparse.Namespace, parameters: Parameters) -> int | None:
+    """Cycles without a word of any robot that end a run; None = any number."""
+    seconds: float | None = options.exit_when_silent
+    if seconds is None or math.isinf(seconds):
+        return None
+    return math.ceil(seconds * 1000.0 / max(parameters.cycle_time, 1))
 
 
 def read_world(options: argparse.Namespace, notify: Print) -> tuple[Lab, StartGrid, Parameters]:

@@ -113,7 +113,17 @@ def _parser() -> argparse.ArgumentParser:
     pace.add_argument(
         "--exit-at-end", action="store_true", help="exit when the run is over, not on a signal only"
     )
+    pace.add_argument(
+        "--exit-when-silent",
+        type=_seconds,
+        metavar="SECONDS",
+        help="as --exit-at-end, and a run is over, too, when no robot has sent anything for that long, by "
+        "the simulation's own clock",
+    )
     output = parser.add_argument_group("output")
+    output.add_argument(
+        "--ready-file", type=Path, metavar="FILE", help="write the port there as soon as clients can register"
+    )
     output.add_argument("--log", type=Path, metavar="FILE", help="write the real simulator's XML log there")
     output.add_argument("--truth", type=Path, metavar="FILE", help="write the true poses there, as CSV")
     output.add_argument("--result", type=Path, metavar="FILE", help="write scores and states there, as JSON")

@@ -38,7 +38,9 @@ class Results(Observer):
     runs : list of dict
         The runs so far, as they are in the result file.
     answers : callable or None
-        Tells by a robot's id how it answered, in lockstep.
+        Tells by a robot's id which Measures it answered.
+    lockstep : callable or None
+        Tells by a robot's id how lockstep dealt with its answers.
 
     Raises
     ------
@@ -49,7 +51,8 @@ class Results(Observer):
     def __init__(self, *, seed: int, scoring: int, path: Path | None, notify: Callable[[str], None]) -> None:
         self.seed: int | None = seed
         self.runs: list[dict[str, Any]] = []
-        self.answers: Callable[[int], dict[str, int]] | None = None
+        self.answers: Callable[[int], dict[str, int | None]] | None = None
+        self.lockstep: Callable[[int], dict[str, int]] | None = None
         self._scoring = scoring
         self._path = path
         self._notify = notify
@@ -63,9 +66,11 @@ class Results(Observer):
                 "seed": self.seed,
                 "scoring": self._scoring,
             }
-            if self.answers is not None:
-                for robot in run["robots"]:
-                    robot["lockstep"] = self.answers(robot["id"])
+            for robot in run["robots"]:
+                if self.answers is not None:
+                    robot |= self.answers(robot["id"])
+                if self.lockstep is not None:
+                    robot["lockstep"] = self.lockstep(robot["id"])
             self.runs.append(run)
             self._save()
             for line in summary(run):

@@ -7,6 +7,7 @@ from collections import deque
 from ciberrato.errors import ProtocolError
 from ciberrato.protocol import Actions, ViewCommand, decode_actions, decode_view_command
 from simulator_stub.service.answers import Answers
+from simulator_stub.service.attendance import Attendance
 from simulator_stub.service.transports import Peer
 
 QUEUE_LIMIT = 1000
@@ -34,6 +35,8 @@ class RobotClient:
         Whether the last of them stops the robot, though the one before did not; whether it moves it.
     answers : Answers
         How it answers, for lockstep.
+    attendance : Attendance
+        Which Measures it answers.
     silent : bool
         Whether it was waited for in vain: it is not waited for until it sends something.
     """
@@ -42,6 +45,7 @@ class RobotClient:
         "answered",
         "answers",
         "arrived",
+        "attendance",
         "braked",
         "commands",
         "complete",
@@ -64,6 +68,7 @@ class RobotClient:
         self.braked = False
         self.moving = False
         self.answers = Answers(robot_id)
+        self.attendance = Attendance()
         peer.deliver = self.take
 
     def take(self, data: bytes) -> None:

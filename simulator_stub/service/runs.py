@@ -9,6 +9,7 @@ from simulator_stub.world.simulator_state import SimulatorState
 
 if TYPE_CHECKING:
     from simulator_stub.recording.results import Results
+    from simulator_stub.service.attendance import Attendance
     from simulator_stub.service.session import Session
 
 FAREWELL = 1
@@ -20,8 +21,8 @@ _OUT = (RobotState.FINISHED, RobotState.REMOVED)
 class Runs:
     """Looks after each cycle whether the run is over.
 
-    A run is over when its time is, or when every robot has finished, was removed, or has closed its
-    connection.
+    A run is over when its time is, or when every robot has finished, was removed, has closed its connection,
+    or is silent for too long.
 
     Parameters
     ----------
@@ -29,15 +30,20 @@ class Runs:
     results : Results
     seed : int
         Of the first run; the next ones count up.
+    most_silent : int or None
+        Cycles in a row that a robot may leave unanswered before it counts as gone; None = any number.
     count : int
         How many runs there are to be; 0 for going on for ever, whatever becomes of the robots.
     """
 
-    def __init__(self, session: Session, results: Results, *, seed: int, count: int) -> None:
+    def __init__(
+        self, session: Session, results: Results, *, seed: int, count: int, most_silent: int | None = None
+    ) -> None:
         self._session = session
         self._results = results
         self._seed = seed
         self._left = count
+        self._most_silent = most_silent
         self._farewell = FAREWELL
 
     def go_on(self) -> bool:
@@ -65,7 +71,11 @@ class Runs:
             return False
         clients = self._session.robots
         # A plain loop: this is asked after every cycle.
-        for robot in simulation.robots:  # noqa: SIM110
-            if not (robot.state in _OUT or clients[robot.robot_id].peer.closed):
+        for robot in simulation.robots:
+            client = clients[robot.robot_id]
+            if not (robot.state in _OUT or client.peer.closed or self._gone(client.attendance)):
                 return False
         return True
+
+    def _gone(self, attendance: Attendance) -> bool:
+        return self._most_silent is not None and attendance.missed_in_a_row >= self._most_silent

@@ -41,10 +41,12 @@ from ciberrato.protocol import (
     fit_reply,
 )
 from simulator_stub.recording.observer import Observer
+from simulator_stub.service.attendance import Attendance
 from simulator_stub.service.clients import QUEUE_LIMIT, RobotClient, ViewClient
 from simulator_stub.service.kidnapping import Kidnapper
 from simulator_stub.service.transports import Newcomer, Peer
 from simulator_stub.simulation import Simulation
+from simulator_stub.world.robot_state import RobotState
 from simulator_stub.world.simulator_state import SimulatorState
 
 NAME_LIMIT = 600
@@ -131,6 +133,8 @@ class Session:
         # Judged before anybody registers in this cycle: so every robot sees a stopped cycle first, however
         # registrations and cycles fall together.
         start = self.start_is_due and before is SimulatorState.STOPPED
+        if before is SimulatorState.RUNNING:
+            self._count_answers()
         simulation.begin_cycle()
         self._read_actions()
         if simulation.restart_requested:
@@ -164,6 +168,16 @@ class Session:
             self._tell_of_start()
         while simulation.scoring.notes:
             self._notify(simulation.scoring.notes.pop(0))
+
+    def answers(self, robot_id: int) -> dict[str, int | None]:
+        """Return what the result file says of which Measures a robot answered (`Attendance.document`)."""
+        return self.robots[robot_id].attendance.document()
+
+    def _count_answers(self) -> None:
+        for robot in self.simulation.robots:
+            if robot.state not in (RobotState.FINISHED, RobotState.REMOVED):
+                client = self.robots[robot.robot_id]
+                client.attendance.count(self.simulation.time, len(client.messages))
 
     def _read_actions(self) -> None:
         for robot_id, client in self.robots.items():
@@ -273,6 +287,8 @@ class Session:
     def _restart(self) -> None:
         """Begin again with everybody still registered: what ``Reset="On"`` of a robot asks for."""
         self._end_world()
+        for client in self.robots.values():
+            client.attendance = Attendance()
         self.simulation.restart()
         for view in self.views:
             view.peer.send(encode(Restart()))

@@ -305,6 +305,34 @@ def test_it_can_end_by_itself_when_the_robots_have_gone(processes: list[Process]
     assert run["time"] >= 5
 
 
+def test_it_ends_when_all_have_fallen_silent_and_tells_since_when(
+    processes: list[Process], tmp_path: Path
+) -> None:
+    result, ready = tmp_path / "result.json", tmp_path / "ready"
+    simulator = Process(
+        *("--exit-when-silent", "0.5", "--autostart", "1", "--lockstep", "--answer-limit", "0.2"),
+        *("--ready-file", str(ready), "--result", str(result), "--quiet"),
+    )
+    processes.append(simulator)
+    port = int(simulator.lines(3)[1].rsplit(":", 1)[1])
+    answered = 0
+    with UdpLink("127.0.0.1", port) as link:
+        link.register(encode(RobotRegistration(name="faint")))
+        while answered < 6:
+            data = link.receive(10.0) or b""
+            link.send(encode(Actions(left_motor=0.1, right_motor=0.1)))
+            answered += b'Start="On"' in data
+        out, err = simulator.process.communicate(timeout=300)  # the socket is still open
+    assert (simulator.process.returncode, out, err) == (0, "", "")
+    assert ready.read_text() == f"{port}\n"
+    (run,) = json.loads(result.read_text())["runs"]
+    (robot,) = run["robots"]
+    assert robot["answered"] == 6
+    assert robot["silent_since"] == robot["last_answer"] + 1
+    assert robot["unanswered"] == 10 + 1  # half a second of 50 ms, and the cycle of farewell
+    assert robot["answered"] + robot["unanswered"] == run["time"]
+
+
 def test_signals_at_any_moment_of_the_start_end_it_quietly(processes: list[Process]) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         simulator = Process()

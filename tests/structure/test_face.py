@@ -72,7 +72,7 @@ def test_every_public_package_has_a_list_and_all_in_it_is_there():
             assert shown in modules or hasattr(package, shown), f"{name}.{shown}"
 
 
-@pytest.mark.parametrize("program", ["agent", "simulator", "viewer", "evaluate", "lab"])
+@pytest.mark.parametrize("program", ["agent", "simulator", "viewer", "evaluate", "lab", "grade"])
 def test_every_program_says_its_version(program):
     words = [str(BIN / f"ciberrato-{program}"), "--version"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)

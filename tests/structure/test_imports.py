@@ -48,6 +48,7 @@ APPLICATIONS = {
     "viewer": set(),
     "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
+    "grading": {"simulator_stub", "viewer"},
 }
 # The rooms of the two processes, likewise; both stand on all of the library.
 AGENT = {

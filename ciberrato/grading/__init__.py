@@ -1,0 +1,21 @@
+"""Grades a course: every agent in every lab with every seed, in a sandbox, with a report of its own."""
+
+__all__ = [
+    "children",
+    "cli",
+    "comparison",
+    "course",
+    "expressions",
+    "fields",
+    "init",
+    "launch",
+    "outcome",
+    "recording",
+    "report",
+    "runner",
+    "sandbox",
+    "standing",
+    "supervisor",
+    "task",
+    "workspace",
+]

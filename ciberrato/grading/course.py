@@ -1,0 +1,355 @@
+"""A course: agents, labs, seeds, limits and points, read from a TOML file."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.files.lab import read_lab
+from ciberrato.files.parameters import parse_parameters_with_warnings
+from ciberrato.files.start_grid import read_grid
+from ciberrato.files.xml import read_file
+from ciberrato.grading.expressions import Formula
+from ciberrato.grading.fields import Fields
+from ciberrato.labs import find_grid, find_lab, find_parameters
+
+PLACEHOLDERS = ("{host}", "{port}", "{pos}", "{lab}", "{name}", "{seed}")
+
+QUANTITIES = frozenset(
+    {
+        *("score", "visited", "targets", "arrival_time", "returning_time", "collisions", "time", "sim_time"),
+        *("answered", "unanswered", "late", "finished", "crashed", "silent", "registered"),
+        *("mapping", "planning"),
+    }
+)
+"""Names that a formula of points may use; docs/grading.md says what they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agent:
+    """An agent.
+
+    Attributes
+    ----------
+    name : str
+    command : tuple of str
+        Words, with placeholders.
+    folder : Path or None
+        Its files; every run works in a copy of them. None = there are none.
+    build : tuple of str or None
+        Words; run once, in the copy that the runs' copies are made of.
+    environment : tuple of (str, str)
+    """
+
+    name: str
+    command: tuple[str, ...]
+    folder: Path | None = None
+    build: tuple[str, ...] | None = None
+    environment: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class GradedLab:
+    """A lab, and how runs in it count.
+
+    Attributes
+    ----------
+    name : str
+    lab, grid : Path
+    parameters : Path or None
+    settings : tuple of (str, str)
+        Attributes of the parameter file that are set otherwise.
+    scoring : int
+        Mode.
+    weight : float
+        Of the lab's points in the total.
+    position : int
+        In the start grid, from 1.
+    """
+
+    name: str
+    lab: Path
+    grid: Path | None = None
+    parameters: Path | None = None
+    settings: tuple[tuple[str, str], ...] = ()
+    scoring: int = 0
+    weight: float = 1.0
+    position: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What an agent may use in a run.
+
+    Attributes
+    ----------
+    time : float
+        Seconds from its start, by the clock on the wall.
+    registration : float
+        Seconds until it has registered.
+    build : float
+        Seconds for its build command.
+    memory : int
+        MB in memory, all its processes together.
+    processes : int
+        Processes and threads at a time.
+    output : int
+        KB on standard output and error.
+    files : int
+        Open files a process.
+    disk : int
+        MB of the largest file that it may write, and of its /tmp.
+    silence : float
+        Seconds without an answer, by the simulation's clock, after which the run ends.
+    """
+
+    time: float = 300.0
+    registration: float = 20.0
+    build: float = 300.0
+    memory: int = 1024
+    processes: int = 64
+    output: int = 1024
+    files: int = 256
+    disk: int = 64
+    silence: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """How runs become points.
+
+    Attributes
+    ----------
+    formula : Formula
+        Points of a run.
+    maximum : float or None
+        A run's points are cut to 0 and this; None = as they are.
+    passing : float or None
+        Points from which a run passes, for JUnit; None = whatever does not fail.
+    """
+
+    formula: Formula
+    maximum: float | None = None
+    passing: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A course.
+
+    Attributes
+    ----------
+    title : str
+    agents, labs, seeds : tuple
+        Every agent runs in every lab with every seed.
+    lockstep : bool
+    speed : float
+        Times real time, if not in lockstep.
+    answer_limit : float or None
+        Seconds that lockstep waits for an answer; None = as the simulator does by default.
+    limits : Limits
+    points : Points
+    readable : tuple of Path
+        What a sandbox shows besides the system and Python.
+    """
+
+    title: str
+    agents: tuple[Agent, ...]
+    labs: tuple[GradedLab, ...]
+    seeds: tuple[int, ...]
+    lockstep: bool
+    speed: float
+    answer_limit: float | None
+    limits: Limits
+    points: Points
+    readable: tuple[Path, ...] = ()
+
+
+class CourseError(UsageError):
+    """A course file cannot be used.
+
+    Attributes
+    ----------
+    faults : list of str
+        A line each.
+    """
+
+    def __init__(self, faults: list[str]) -> None:
+        super().__init__("\n".join(faults))
+        self.faults = faults
+
+
+def read_course(path: Path) -> Course:
+    """Read a course.
+
+    Parameters
+    ----------
+    path : Path
+        Files named in it are looked for from its folder.
+
+    Returns
+    -------
+    Course
+
+    Raises
+    ------
+    CourseError
+        With all faults found, a line each.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CourseError([f"{path}: cannot be read: {error.strerror}"]) from None
+    except UnicodeDecodeError:
+        raise CourseError([f"{path}: not UTF-8 text"]) from None
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise CourseError([f"{path}: not TOML: {error}"]) from None
+    faults: list[str] = []
+    course = _course(Fields(document, str(path), faults), path.parent)
+    if faults:
+        raise CourseError(faults)
+    return course
+
+
+def _course(top: Fields, folder: Path) -> Course:
+    title = top.text("title", "CiberRato")
+    seeds = top.seeds("seeds")
+    lockstep = top.choice("pace", ("lockstep", "realtime"), "lockstep") == "lockstep"
+    speed = top.number("speed", 1.0, least=0.01)
+    answer_limit = top.number("answer_limit", None, least=0.001)
+    readable = tuple(folder / name for name in top.texts("readable"))
+    for missing in (place for place in readable if not place.exists()):
+        top.fault(f"readable: there is no {missing}")
+    limits = _limits(top.table("limits"))
+    points = _points(top.table("points"))
+    labs = tuple(_lab(table, folder) for table in top.tables("lab"))
+    agents = tuple(_agent(table, folder) for table in top.tables("agent"))
+    for kind, names in (("lab", [lab.name for lab in labs]), ("agent", [agent.name for agent in agents])):
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            top.fault(f"{kind}: the name {name!r} is there more than once")
+    if labs and sum(lab.weight for lab in labs) <= 0.0:
+        top.fault("lab: no weight is greater than 0")
+    top.end()
+    return Course(title, agents, labs, seeds, lockstep, speed or 1.0, answer_limit, limits, points, readable)
+
+
+def _agent(table: Fields, folder: Path) -> Agent:
+    name = table.name()
+    given = table.text("folder", None)
+    place = None if given is None else (folder / given).resolve()
+    if place is not None and not place.is_dir():
+        table.fault(f"folder: there is no folder {place}")
+    elif place is not None and folder.resolve().is_relative_to(place):
+        table.fault(f"folder: {given} holds the course itself; put the agent into a folder of its own")
+    command = table.words("command", needed=True) or ()
+    for word in command:
+        left = word
+        for known in PLACEHOLDERS:
+            left = left.replace(known, "")
+        if "{" in left and "}" in left[left.index("{") :]:
+            table.fault(f"command: {word!r}: these can be filled in: {' '.join(PLACEHOLDERS)}")
+    build = table.words("build")
+    environment = table.settings("environment")
+    table.end()
+    if build is not None and place is None:
+        table.fault("build: needs a folder to build in")
+    return Agent(name, command, place, build, environment)
+
+
+def _lab(table: Fields, folder: Path) -> GradedLab:
+    name = table.name()
+
+    def found(key: str, find: object, default: str | None) -> Path | None:
+        given = table.text(key, default)
+        if given is None:
+            return None
+        try:
+            beside = folder / given
+            return find(beside if beside.is_file() else given).resolve()  # type: ignore[operator, no-any-return]
+        except CiberratoError as error:
+            table.fault(f"{key}: {error}")
+            return None
+
+    lab = found("lab", find_lab, name)
+    grid = found("grid", find_grid, None)
+    parameters = found("parameters", find_parameters, None)
+    settings = table.settings("set")
+    try:
+        if lab is not None:
+            read_lab(lab)
+        if grid is not None:
+            read_grid(grid)
+        _, warnings = parse_parameters_with_warnings(parameters_document(parameters, settings), "set")
+        if settings:
+            for warning in warnings:
+                table.fault(warning)
+    except CiberratoError as error:
+        table.fault(str(error))
+    scoring = int(table.number("scoring", 0, least=0, most=7, whole=True) or 0)
+    weight = table.number("weight", 1.0, least=0.0)
+    position = int(table.number("position", 1, least=1, most=255, whole=True) or 1)
+    table.end()
+    return GradedLab(
+        name, lab or folder, grid, parameters, settings, scoring, 1.0 if weight is None else weight, position
+    )
+
+
+def parameters_document(path: Path | None, settings: tuple[tuple[str, str], ...]) -> bytes:
+    """Write a parameter file: that of a lab, with its settings on top.
+
+    Parameters
+    ----------
+    path : Path or None
+        None = the simulator's own parameters.
+    settings : tuple of (str, str)
+
+    Returns
+    -------
+    bytes
+        XML.
+
+    Raises
+    ------
+    CiberratoError
+        If the file cannot be read.
+    """
+    data = b"<Parameters/>" if path is None else read_file(path)
+    if not settings:
+        return data
+    from ciberrato.files.xml_document import parse_elements
+
+    elements = parse_elements(data, str(path), "a parameter")
+    attributes: dict[str, str] = {}
+    for element in elements:
+        if element.name == "Parameters":
+            attributes |= element.attributes
+    written = " ".join(f"{name}={quoteattr(value)}" for name, value in (attributes | dict(settings)).items())
+    return f"<Parameters {written}/>\n".encode()
+
+
+def _limits(table: Fields) -> Limits:
+    default = Limits()
+    values = {}
+    for key in Limits.__slots__:
+        usual = getattr(default, key)
+        values[key] = table.number(
+            key, usual, least=1 if isinstance(usual, int) else 0.1, whole=isinstance(usual, int)
+        )
+    table.end()
+    return Limits(**values)  # type: ignore[arg-type]
+
+
+def _points(table: Fields) -> Points:
+    text = table.text("formula", "score") or "score"
+    formula = Formula("0", frozenset())
+    try:
+        formula = Formula(text, QUANTITIES)
+    except UsageError as error:
+        table.fault(f"formula: {error}")
+    maximum = table.number("maximum", None, least=0.001)
+    passing = table.number("passing", None)
+    table.end()
+    return Points(formula, maximum, passing)

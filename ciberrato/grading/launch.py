@@ -1,0 +1,272 @@
+"""From a task to a run: temporary folders, command lines, sandbox, and what comes back."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import secrets
+import shutil
+import subprocess
+import tempfile
+import threading
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ciberrato.errors import CiberratoError
+from ciberrato.files.lab import read_lab
+from ciberrato.files.parameters import parse_parameters
+from ciberrato.grading import sandbox
+from ciberrato.grading.course import Agent, Course, parameters_document
+from ciberrato.grading.outcome import Outcome, exit_words, judge
+from ciberrato.grading.supervisor import supervisor_command
+from ciberrato.grading.task import Task
+from ciberrato.grading.workspace import copy_folder
+from ciberrato.processes import module_command
+
+FIXED_PORT = 6000
+ATTEMPTS = 5
+NOWHERE = "/agent"
+"""Where a sandboxed agent without files of its own works."""
+
+
+class RunError(CiberratoError):
+    """A run could not be, through no fault of the agent's."""
+
+
+class Launcher:
+    """Does runs of a course.
+
+    Parameters
+    ----------
+    course : Course
+    kind : {"bwrap", "none"}
+        The sandbox.
+    recordings : Path
+        Folder of the recordings.
+    temporary : Path
+        Everything else that is written lies below it.
+    """
+
+    def __init__(self, course: Course, kind: str, recordings: Path, temporary: Path) -> None:
+        self._course = course
+        self._kind = kind
+        self._overhead = 2 if kind == "bwrap" else 0  # bwrap itself, outside and inside
+        self._recordings = recordings
+        self._temporary = temporary
+        self._built: dict[str, tuple[Path | None, str | None]] = {}
+        self._locks: dict[str, threading.Lock] = {agent.name: threading.Lock() for agent in course.agents}
+        self._running: set[subprocess.Popen[bytes]] = set()
+        self._ended = False
+        self._addresses = _Addresses()
+
+    def run(self, task: Task) -> tuple[Outcome, dict[str, Any]]:
+        """Do a run.
+
+        Parameters
+        ----------
+        task : Task
+
+        Returns
+        -------
+        outcome : Outcome
+        measured : dict
+            What clocks and meters said of it, and the agent's last words.
+
+        Raises
+        ------
+        RunError
+            If it could not be.
+        """
+        files, failure = self._files(task.agent)
+        targets = len(read_lab(task.lab.lab).targets)
+        text = parameters_document(task.lab.parameters, task.lab.settings)
+        cycle_time = parse_parameters(text).cycle_time
+        if failure is not None:
+            return Outcome(status="not built", detail="see the output", targets=targets), {"tail": failure}
+        for attempt in range(ATTEMPTS):
+            with tempfile.TemporaryDirectory(dir=self._temporary, ignore_cleanup_errors=True) as name:
+                folder = Path(name)
+                document = self._supervise(self._wanted(task, files, folder, self._port(attempt)))
+                if document["error"] is None:
+                    outcome = judge(
+                        document,
+                        targets=targets,
+                        cycle_time=cycle_time,
+                        folder=folder / "work",
+                        reference=folder / "scoring",
+                        scoring=task.lab.scoring,
+                    )
+                    names = ("wall", "memory", "threads", "output", "exit", "signal", "tail")
+                    return outcome, {name: document[name] for name in names}
+            if not document["busy"]:
+                break
+            if not any("{port}" in word for word in task.agent.command):
+                hint = "end the program that has the port, use --sandbox bwrap, or {port} in the command"
+                raise RunError(f"{document['error']}; {hint}")
+        raise RunError(str(document["error"]))
+
+    def _port(self, attempt: int) -> int:
+        """Choose a port: 6000, and others only where a program listens on that of all addresses."""
+        return FIXED_PORT if attempt == 0 or self._kind == "bwrap" else 20_000 + secrets.randbelow(12_000)
+
+    def end(self) -> None:
+        """End all runs that go on; those that are begun afterwards end at once."""
+        self._ended = True
+        for process in tuple(self._running):
+            with contextlib.suppress(OSError):
+                assert process.stdin is not None
+                process.stdin.close()
+
+    # --- an agent's files -----------------------------------------------------------------------
+
+    def _files(self, agent: Agent) -> tuple[Path | None, str | None]:
+        """Return the folder that runs are given a copy of, built once; and why it could not be built."""
+        with self._locks[agent.name]:
+            if agent.name not in self._built:
+                self._built[agent.name] = self._build(agent)
+            return self._built[agent.name]
+
+    def _build(self, agent: Agent) -> tuple[Path | None, str | None]:
+        if agent.folder is None:
+            return None, None
+        target = Path(tempfile.mkdtemp(dir=self._temporary)) / "files"
+        copy_folder(agent.folder, target)
+        if agent.build is None:
+            return target, None
+        document = self._supervise(
+            {
+                "simulator": None,
+                "agent": self._inside(list(agent.build), agent, target),
+                "environment": sandbox.environment_of_agent(dict(agent.environment)),
+                "work": str(target) if self._kind == "none" else None,
+                "limits": asdict(self._course.limits) | {"time": self._course.limits.build},
+                "overhead": self._overhead,
+            }
+        )
+        why = document["note"] or document["stopped"] or exit_words(document)
+        if why in ("", "exit status 0"):
+            return target, None
+        return target, f"{document['tail']}\n{' '.join(agent.build)}: {why}".strip()
+
+    def _inside(self, command: list[str], agent: Agent, work: Path) -> list[str]:
+        if self._kind == "none":
+            return command
+        shown_as = NOWHERE if agent.folder is None else str(agent.folder)
+        limits = self._course.limits
+        return sandbox.around_agent(
+            command,
+            work,
+            shown_as,
+            megabytes=limits.disk,
+            processes=limits.processes,
+            readable=self._course.readable,
+        )
+
+    # --- a run ----------------------------------------------------------------------------------
+
+    def _wanted(self, task: Task, files: Path | None, folder: Path, port: int) -> dict[str, Any]:
+        course, lab, agent = self._course, task.lab, task.agent
+        work, scoring = folder / "work", folder / "scoring"
+        if files is None:
+            work.mkdir()
+        else:
+            shutil.copytree(files, work, symlinks=True)
+        scoring.mkdir()
+        (folder / "parameters.xml").write_bytes(parameters_document(lab.parameters, lab.settings))
+        host = "127.0.0.1" if self._kind == "bwrap" else self._addresses.take()
+        simulator = [
+            *("--lab", str(lab.lab), "--param", str(folder / "parameters.xml")),
+            *(("--grid", str(lab.grid)) if lab.grid is not None else ()),
+            *("--scoring", str(lab.scoring), "--scoring-files", str(scoring), "--seed", str(task.seed)),
+            *("--bind", host, "--port", str(port), "--autostart", "1", "--exit-at-end"),
+            *("--exit-when-silent", str(course.limits.silence)),
+            *("--result", str(folder / "result.json"), "--log", str(folder / "log.xml")),
+        ]
+        if course.lockstep:
+            simulator.append("--lockstep")
+            if course.answer_limit is not None:
+                simulator += ["--answer-limit", str(course.answer_limit)]
+        else:
+            simulator += ["--speed", str(course.speed)]
+        values = {
+            "{host}": host,
+            "{port}": str(port),
+            "{pos}": str(lab.position),
+            "{lab}": lab.name,
+            "{name}": agent.name,
+            "{seed}": str(task.seed),
+        }
+        extra = {"CIBERRATO_HOST": host, "CIBERRATO_PORT": str(port), **dict(agent.environment)}
+        sandboxed = self._kind == "bwrap"
+        return {
+            "simulator": module_command("simulator_stub", *simulator),
+            "agent": self._inside([_filled(word, values) for word in agent.command], agent, work),
+            "environment": sandbox.environment_of_agent(extra),
+            "work": None if sandboxed else str(work),
+            "result": str(folder / "result.json"),
+            "log": str(folder / "log.xml"),
+            "title": f"of {agent.name}, {lab.name}, seed {task.seed}",
+            "recording": str(self._recordings / f"{task.file}.js"),
+            "limits": asdict(course.limits),
+            "overhead": self._overhead,
+        }
+
+    def _supervise(self, wanted: dict[str, Any]) -> dict[str, Any]:
+        command = supervisor_command()
+        if self._kind == "bwrap":
+            command = sandbox.around_run(command)
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,  # a Ctrl-C is for us alone
+        )
+        self._running.add(process)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        try:
+            with contextlib.suppress(OSError):
+                process.stdin.write(json.dumps(wanted).encode() + b"\n")
+                process.stdin.flush()
+            if self._ended:
+                process.stdin.close()
+            # Standard input stays open as long as the run is wanted.
+            answer = process.stdout.read()
+            complaint = process.stderr.read().decode("utf-8", "replace").strip()
+            process.wait()
+        finally:
+            self._running.discard(process)
+            for stream in (process.stdin, process.stdout, process.stderr):
+                with contextlib.suppress(OSError):
+                    stream.close()
+        if self._ended:
+            raise RunError("ended")
+        try:
+            return dict(json.loads(answer))
+        except ValueError:
+            last = complaint.rpartition("\n")[2] or f"exit status {process.returncode}"
+            raise RunError(f"the process that looks after the run failed: {last}") from None
+
+
+def _filled(word: str, values: dict[str, str]) -> str:
+    for name, value in values.items():
+        word = word.replace(name, value)
+    return word
+
+
+class _Addresses:
+    """Addresses of the loopback that others are not likely to have."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._next = secrets.randbelow(1 << 22)
+
+    def take(self) -> str:
+        """Return the next one."""
+        with self._lock:
+            self._next += 1
+            number = self._next
+        return f"127.{64 + (number >> 16) % 64}.{(number >> 8) & 255}.{1 + number % 254}"

@@ -1,0 +1,63 @@
+"""What becomes of a grading: a site, and files for other programs.
+
+What a clock or a meter has measured stands in ``measured.csv`` and ``measured.js`` alone: all other files
+follow from agents, labs and seeds.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from ciberrato.grading.course import Course
+    from ciberrato.grading.standing import Standing
+
+__all__ = ["gradescope", "junit", "player", "site", "tables", "write_report"]
+
+
+def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, missing: int) -> None:
+    """Write all files of the report.
+
+    Parameters
+    ----------
+    course : Course
+    ranked : sequence of Standing
+    folder : Path
+        With the recordings in it.
+    missing : int
+        Runs that are still to be done.
+
+    Raises
+    ------
+    UsageError
+        If they cannot be written.
+    """
+    from ciberrato.errors import UsageError
+    from ciberrato.files.atomic import replace_file
+    from ciberrato.grading.report import gradescope, junit, player, site, tables
+
+    texts = {
+        "index.html": site.index_page(course, ranked, folder, missing=missing),
+        "report.css": site.asset("report.css"),
+        "report.js": site.asset("report.js"),
+        "results.csv": tables.results_csv(ranked),
+        "measured.csv": tables.measured_csv(ranked),
+        "measured.js": tables.measured_script(ranked),
+        "results.json": tables.results_json(course, ranked, missing=missing),
+        "junit.xml": junit.junit_document(course, ranked),
+        **player.player_files(),
+    }
+    for number, standing in enumerate(ranked, 1):
+        texts[f"gradescope/{number:03d}-{gradescope.plain(standing.agent)}/results.json"] = (
+            gradescope.results(course, standing)
+        )
+    for name, text in texts.items():
+        path = folder / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"{path.parent}: cannot be made: {error.strerror}") from None
+        replace_file(path, text.encode("utf-8", "replace"))

@@ -1,0 +1,70 @@
+"""The results of an agent as Gradescope's results.json."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ciberrato.grading.course import Course
+    from ciberrato.grading.standing import Standing
+
+
+def results(course: Course, standing: Standing) -> str:
+    """Write the document: the agent's total as the score, a test a run, and the leader board.
+
+    Parameters
+    ----------
+    course : Course
+    standing : Standing
+
+    Returns
+    -------
+    str
+        JSON; see https://gradescope-autograders.readthedocs.io/en/latest/specs/.
+    """
+    tests: list[dict[str, Any]] = []
+    passing = course.points.passing
+    for run, points in standing.runs:
+        outcome = run.outcome
+        passed = outcome.good and (passing is None or points >= passing)
+        test: dict[str, Any] = {
+            "name": f"{run.task.lab.name}, seed {run.task.seed}",
+            "score": round(points, 6),
+            "status": "passed" if passed else "failed",
+            "output": _words(run.outcome, str(run.measured.get("tail", ""))),
+            "output_format": "text",
+            "visibility": "visible",
+        }
+        if course.points.maximum is not None:
+            test["max_score"] = course.points.maximum
+        tests.append(test)
+    document = {
+        "score": round(standing.total, 6),
+        "output": f"Place {standing.place}; the score is the mean of the labs by their weights.",
+        "output_format": "text",
+        "visibility": "visible",
+        "stdout_visibility": "hidden",
+        "tests": tests,
+        "leaderboard": [
+            {"name": "Points", "value": round(standing.total, 6)},
+            *({"name": name[:80], "value": round(points, 6)} for name, points in standing.labs.items()),
+        ],
+    }
+    return json.dumps(document, indent=1) + "\n"
+
+
+def _words(outcome: Any, tail: str) -> str:
+    text = (
+        f"{outcome.status}{': ' * bool(outcome.detail)}{outcome.detail}\n"
+        f"score {outcome.score}, targets {outcome.visited} of {outcome.targets}, "
+        f"{outcome.collisions} collisions, {outcome.time} of {outcome.sim_time} cycles, "
+        f"{outcome.unanswered} unanswered, {outcome.late} late\n"
+    )
+    return text + (f"\nlast output:\n{tail}" if tail.strip() else "")
+
+
+def plain(name: str) -> str:
+    """Turn an agent's name into a folder's."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "x"

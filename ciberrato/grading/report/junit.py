@@ -1,0 +1,86 @@
+"""The results as JUnit XML, a suite an agent: for continuous integration."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+if TYPE_CHECKING:
+    from ciberrato.grading.course import Course
+    from ciberrato.grading.runner import Graded
+    from ciberrato.grading.standing import Standing
+
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def junit_document(course: Course, ranked: Sequence[Standing]) -> str:
+    """Write the document.
+
+    A run is an error if its agent did not register or was not built, a failure if it did not live through
+    the run or got fewer points than the course's ``passing``. Times are those of the simulation.
+
+    Parameters
+    ----------
+    course : Course
+    ranked : sequence of Standing
+
+    Returns
+    -------
+    str
+    """
+    root = ElementTree.Element("testsuites", name=_text(course.title))
+    whole = [0, 0, 0]
+    for standing in ranked:
+        suite = ElementTree.SubElement(root, "testsuite", name=_text(standing.agent))
+        counts = [0, 0, 0]
+        for run, points in standing.runs:
+            counts[0] += 1
+            kind = _case(course, suite, run, points)
+            counts[1] += kind == "failure"
+            counts[2] += kind == "error"
+        _count(suite, counts)
+        whole = [one + other for one, other in zip(whole, counts, strict=True)]
+    _count(root, whole)
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _count(element: ElementTree.Element, counts: list[int]) -> None:
+    for name, count in zip(("tests", "failures", "errors"), counts, strict=True):
+        element.set(name, str(count))
+
+
+def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float) -> str | None:
+    task, outcome = run.task, run.outcome
+    seconds = outcome.time * outcome.cycle_time / 1000.0
+    case = ElementTree.SubElement(
+        suite,
+        "testcase",
+        classname=_text(f"{task.agent.name}.{task.lab.name}"),
+        name=_text(f"{task.lab.name}, seed {task.seed}"),
+        time=f"{seconds:.2f}",
+    )
+    kind, why = None, ""
+    passing = course.points.passing
+    words = f"{outcome.status}{': ' * bool(outcome.detail)}{outcome.detail}"
+    if not outcome.registered:
+        kind, why = "error", words
+    elif not outcome.good:
+        kind, why = "failure", words
+    elif passing is not None and points < passing:
+        kind, why = "failure", f"{points:g} points, {passing:g} were needed"
+    if kind is not None:
+        fault = ElementTree.SubElement(case, kind, message=_text(why), type=outcome.status.split(" at ")[0])
+        fault.text = _text(
+            f"{why}; score {outcome.score}, {outcome.collisions} collisions, time {outcome.time}"
+        )
+    if run.measured.get("tail"):
+        ElementTree.SubElement(case, "system-out").text = _text(run.measured["tail"])
+    return kind
+
+
+def _text(text: str) -> str:
+    """Replace what XML cannot hold."""
+    return _NOT_XML.sub("\ufffd", text)

@@ -1,0 +1,96 @@
+"""The results as CSV and JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from ciberrato.grading.outcome import Outcome
+
+if TYPE_CHECKING:
+    from ciberrato.grading.course import Course
+    from ciberrato.grading.standing import Standing
+
+FORMAT = 1
+MEASURED = ("wall", "memory", "threads", "output", "exit", "signal")
+_FORMULAS = ("=", "+", "-", "@", "\t", "\r")
+
+
+def results_csv(ranked: Sequence[Standing]) -> str:
+    """Write a row a run: agent, lab, seed, points, and all of its outcome."""
+    fields = list(Outcome.__dataclass_fields__)
+    rows: list[list[Any]] = [["agent", "lab", "seed", "points", *fields]]
+    for standing in ranked:
+        for run, points in standing.runs:
+            task = run.task
+            rows.append([task.agent.name, task.lab.name, task.seed, points, *asdict(run.outcome).values()])
+    return _csv(rows)
+
+
+def measured_csv(ranked: Sequence[Standing]) -> str:
+    """Write a row a run: wall time in seconds, memory in bytes, threads, bytes of output, how it ended."""
+    rows: list[list[Any]] = [["agent", "lab", "seed", *MEASURED]]
+    for standing in ranked:
+        for run, _ in standing.runs:
+            task = run.task
+            rows.append(
+                [task.agent.name, task.lab.name, task.seed, *(run.measured.get(name) for name in MEASURED)]
+            )
+    return _csv(rows)
+
+
+def measured_script(ranked: Sequence[Standing]) -> str:
+    """Write wall time and memory for the page, by the recording's name."""
+    values = {
+        run.task.file: [run.measured.get("wall"), run.measured.get("memory")]
+        for standing in ranked
+        for run, _ in standing.runs
+    }
+    return f"ciberratoMeasured({json.dumps(values, separators=(',', ':'))});\n"
+
+
+def results_json(course: Course, ranked: Sequence[Standing], *, missing: int) -> str:
+    """Write ranking and runs as JSON."""
+    document = {
+        "format": FORMAT,
+        "title": course.title,
+        "formula": course.points.formula.text,
+        "maximum": course.points.maximum,
+        "weights": {lab.name: lab.weight for lab in course.labs},
+        "missing": missing,
+        "ranking": [
+            {
+                "place": standing.place,
+                "agent": standing.agent,
+                "points": standing.total,
+                "labs": standing.labs,
+                "runs": [
+                    {
+                        "lab": run.task.lab.name,
+                        "seed": run.task.seed,
+                        "points": points,
+                        "recording": f"recordings/{run.task.file}.js",
+                        **asdict(run.outcome),
+                    }
+                    for run, points in standing.runs
+                ],
+            }
+            for standing in ranked
+        ],
+    }
+    return json.dumps(document, indent=1) + "\n"
+
+
+def _csv(rows: list[list[Any]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([[_cell(value) for value in row] for row in rows])
+    return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """Return a cell; what a spreadsheet would take for a formula gets an apostrophe, as by its own habit."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULAS) else value

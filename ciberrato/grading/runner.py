@@ -1,0 +1,217 @@
+"""Does the runs of a course side by side, and keeps each as soon as it is done.
+
+A line of JSON a run: what is in the file already is not run again, as long as nothing has changed that it
+depends on. A torn last line is run again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+from ciberrato.errors import LabError, UsageError
+from ciberrato.grading.course import Course
+from ciberrato.grading.launch import Launcher, RunError
+from ciberrato.grading.outcome import Outcome
+from ciberrato.grading.task import Task
+
+_BAR = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Graded:
+    """A run that was done.
+
+    Attributes
+    ----------
+    task : Task
+    outcome : Outcome
+    measured : dict
+        ``wall`` (seconds), ``memory`` (bytes), ``threads``, ``output`` (bytes), ``exit``, ``signal``,
+        ``tail`` (the last words); some may be missing.
+    """
+
+    task: Task
+    outcome: Outcome
+    measured: dict[str, Any]
+
+
+def read_runs(path: Path) -> dict[str, tuple[Outcome, dict[str, Any]]]:
+    """Read what was done.
+
+    Parameters
+    ----------
+    path : Path
+        A file that is not there holds nothing.
+
+    Returns
+    -------
+    dict
+        Outcome and measurements by the task's key.
+
+    Raises
+    ------
+    LabError
+        If a line other than the last is no run.
+    """
+    done: dict[str, tuple[Outcome, dict[str, Any]]] = {}
+    if not path.exists():
+        return done
+    for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], 1):
+        try:
+            document = json.loads(line)
+            done[document["key"]] = Outcome(**document["outcome"]), dict(document["measured"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise LabError(f"not a run: {error}; delete the line", source=str(path), line=number) from None
+    return done
+
+
+def grade(
+    course: Course,
+    tasks: Sequence[Task],
+    folder: Path,
+    *,
+    sandbox: str,
+    jobs: int,
+    progress: TextIO | None,
+) -> list[str]:
+    """Do the runs that are missing.
+
+    Parameters
+    ----------
+    course : Course
+    tasks : sequence of Task
+    folder : Path
+        Where ``runs.jsonl`` and ``recordings`` are, or are made.
+    sandbox : {"bwrap", "none"}
+    jobs : int
+        Runs at a time.
+    progress : text stream or None
+        For a bar.
+
+    Returns
+    -------
+    list of str
+        A line for each run that could not be.
+
+    Raises
+    ------
+    UsageError
+        If the folder cannot be written to, or an agent's files cannot be copied.
+    """
+    path, recordings = folder / "runs.jsonl", folder / "recordings"
+    try:
+        recordings.mkdir(parents=True, exist_ok=True)
+        _mend(path)
+        file = path.open("ab", buffering=0)
+    except OSError as error:
+        raise UsageError(f"{folder}: cannot be written: {error.strerror}") from None
+    done = read_runs(path)
+    missing = [task for task in tasks if task.key not in done]
+    faults: list[str] = []
+    bar = Bar(len(missing), progress)
+    with file, tempfile.TemporaryDirectory(prefix="ciberrato-grade-", ignore_cleanup_errors=True) as name:
+        launcher = Launcher(course, sandbox, recordings, Path(name))
+
+        def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
+            try:
+                outcome, measured = future.result()
+            except RunError as error:
+                faults.append(f"{task.agent.name}, {task.lab.name}, seed {task.seed}: {error}")
+                return
+            document = {
+                "key": task.key,
+                "agent": task.agent.name,
+                "lab": task.lab.name,
+                "seed": task.seed,
+                "outcome": asdict(outcome),
+                "measured": measured,
+            }
+            file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
+            bar.step()
+
+        _side_by_side(missing, launcher, jobs, keep)
+    bar.close()
+    return faults
+
+
+def _side_by_side(
+    tasks: Sequence[Task],
+    launcher: Launcher,
+    jobs: int,
+    keep: Callable[[Task, Future[tuple[Outcome, dict[str, Any]]]], None],
+) -> None:
+    executor = ThreadPoolExecutor(jobs)
+    running: dict[Future[tuple[Outcome, dict[str, Any]]], Task] = {}
+    waiting = iter(tasks)
+    try:
+        while True:
+            while len(running) < jobs and (task := next(waiting, None)) is not None:
+                running[executor.submit(launcher.run, task)] = task
+            if not running:
+                break
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                keep(running.pop(future), future)
+    finally:
+        launcher.end()
+        executor.shutdown(cancel_futures=True)
+
+
+def jobs_by_default(*, lockstep: bool) -> int:
+    """Return how many runs there are at a time: in real time one for two processors, as clocks count."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, cores if lockstep else cores // 2)
+
+
+def _mend(path: Path) -> None:
+    """Cut off a torn last line."""
+    if path.exists():
+        data = path.read_bytes()
+        whole = data[: data.rfind(b"\n") + 1]
+        if whole != data:
+            path.write_bytes(whole)
+
+
+class Bar:
+    """A line that says how far things are, and how long the rest will take.
+
+    Parameters
+    ----------
+    total : int
+    stream : text stream or None
+    clock : callable
+        Seconds.
+    """
+
+    def __init__(
+        self, total: int, stream: TextIO | None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._total, self._done, self._stream, self._clock = total, 0, stream, clock
+        self._began = clock()
+        self._shown = -1.0
+
+    def step(self) -> None:
+        """Count a run; a terminal sees it at once, a file every half second at most."""
+        self._done += 1
+        now = self._clock()
+        if self._stream is None or (now - self._shown < 0.5 and self._done < self._total):
+            return
+        self._shown = now
+        filled = _BAR * self._done // max(self._total, 1)
+        left = (now - self._began) / self._done * (self._total - self._done)
+        self._stream.write(
+            f"\r[{'#' * filled}{'.' * (_BAR - filled)}] {self._done}/{self._total} runs, {left:.0f} s left "
+        )
+        self._stream.flush()
+
+    def close(self) -> None:
+        """End the line."""
+        if self._stream is not None and self._done:
+            self._stream.write("\n")

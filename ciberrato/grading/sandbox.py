@@ -1,0 +1,181 @@
+"""The walls around agents, whose programs are not trusted.
+
+With bubblewrap a run has a network of its own with nothing but a loopback, in which the simulator runs, too:
+so every simulator has port 6000 of 127.0.0.1. The agent is in a second sandbox within: it sees the system's
+programs and Python, read-only, its own working folder and an empty /tmp; neither other processes nor other
+agents' files, the course, or the home folder.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ciberrato.errors import UsageError
+from ciberrato.processes import ROOT
+
+KINDS = ("auto", "bwrap", "none")
+
+WITHOUT = (
+    "no sandbox: agents can read and change whatever you can, and use the network; processes, memory and "
+    "time are limited all the same"
+)
+"""What `none` means, in a line."""
+
+_SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/opt", "/nix/store")
+_SETTINGS = (
+    *("alternatives", "ld.so.cache", "ld.so.conf", "ld.so.conf.d", "localtime", "passwd", "group"),
+    *("nsswitch.conf", "ssl/certs", "ssl/openssl.cnf", "java", "perl", "python3", "fonts", "profile"),
+)
+"""What programs need of /etc; no passwords, no keys."""
+
+_TOOLS = "/usr/bin:/bin"
+
+_INNER = (
+    *("--unshare-user", "--unshare-pid", "--unshare-ipc", "--unshare-uts", "--unshare-cgroup-try"),
+    *("--uid", "1000", "--gid", "1000", "--hostname", "agent", "--cap-drop", "ALL"),
+    *("--die-with-parent", "--new-session", "--proc", "/proc", "--dev", "/dev"),
+)
+
+
+def choose(kind: str) -> str:
+    """Find out which sandbox there is to be.
+
+    Parameters
+    ----------
+    kind : {"auto", "bwrap", "none"}
+        ``auto``: bwrap if it works here, or none.
+
+    Returns
+    -------
+    str
+        ``bwrap`` or ``none``.
+
+    Raises
+    ------
+    UsageError
+        If bwrap is asked for and does not work.
+    """
+    if kind == "none":
+        return kind
+    reason = _why_not()
+    if reason is None:
+        return "bwrap"
+    if kind == "bwrap":
+        raise UsageError(f"--sandbox bwrap: {reason}; install bubblewrap, or choose --sandbox none")
+    return "none"
+
+
+def _why_not() -> str | None:
+    """Say why bubblewrap cannot be used, by using it the very way that a run does."""
+    if sys.platform != "linux" or shutil.which("bwrap") is None:
+        return "there is no bwrap here"
+    command = around_run(around_agent(["true"], Path("/tmp"), "/tmp", megabytes=1, processes=8, readable=()))
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"bwrap does not work here: {error}"
+    if done.returncode:
+        lines = done.stderr.strip().splitlines()
+        return f"bwrap does not work here: {lines[-1] if lines else f'exit status {done.returncode}'}"
+    return None
+
+
+def around_run(command: Sequence[str]) -> list[str]:
+    """Put a run, simulator and all, into a network of its own."""
+    return ["bwrap", "--dev-bind", "/", "/", "--unshare-net", "--die-with-parent", "--", *command]
+
+
+def around_agent(
+    command: Sequence[str],
+    work: Path,
+    shown_as: str,
+    *,
+    megabytes: int,
+    processes: int,
+    readable: Sequence[Path],
+) -> list[str]:
+    """Put an agent into its sandbox.
+
+    Parameters
+    ----------
+    command : sequence of str
+    work : Path
+        Its working folder, which it may write in.
+    shown_as : str
+        The path that it sees it at.
+    megabytes : int
+        Size of its /tmp.
+    processes : int
+        That it may have at a time; the system holds those of root to none, so they are also counted.
+    readable : sequence of Path
+        What else it may see.
+
+    Returns
+    -------
+    list of str
+    """
+    words = ["bwrap", *_INNER]
+    for name in _SYSTEM:
+        if os.path.islink(name):
+            words += ["--symlink", os.readlink(name), name]
+        elif os.path.isdir(name):
+            words += ["--ro-bind", name, name]
+    for name in _SETTINGS:
+        words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
+    words += ["--size", str(megabytes << 20), "--tmpfs", "/tmp"]
+    for path in _outermost([*_python(), *readable]):
+        words += ["--ro-bind", str(path), str(path)]
+    words += ["--bind", str(work), shown_as, "--chdir", shown_as]
+    # Within, as only there it counts the sandbox's processes and not all of the user's.
+    prlimit = [f"{tool}", f"--nproc={processes}"] if (tool := shutil.which("prlimit", path=_TOOLS)) else []
+    return [*words, "--", *prlimit, *command]
+
+
+def _python() -> list[Path]:
+    """Where this Python, its packages and ours are; the rest of a checkout is not for agents."""
+    places = [Path(sys.prefix), Path(sys.base_prefix), Path(sys.executable).resolve().parents[1]]
+    places += [ROOT / name for name in ("ciberrato", "agent", "simulator_stub", "maps")]
+    return [place for place in places if place.exists()]
+
+
+def _outermost(places: Sequence[Path]) -> list[Path]:
+    """Leave out what the system's folders, or others of these, hold already."""
+    system = tuple(Path(name) for name in _SYSTEM)
+    kept: list[Path] = []
+    for place in sorted(set(places)):
+        if not any(place.is_relative_to(other) for other in (*system, *kept)):
+            kept.append(place)
+    return kept
+
+
+def environment_of_agent(extra: Mapping[str, str]) -> dict[str, str]:
+    """Return an agent's environment: nothing of the teacher's but the search path.
+
+    Parameters
+    ----------
+    extra : mapping of str to str
+
+    Returns
+    -------
+    dict of str to str
+        ``python`` and ``python3`` are the Python that runs the grading.
+    """
+    here = str(Path(sys.executable).parent)
+    path = os.environ.get("PATH", os.defpath)
+    return {
+        "PATH": os.pathsep.join([here, *(part for part in path.split(os.pathsep) if part and part != here)]),
+        "HOME": "/tmp",
+        "LANG": "C.UTF-8",
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "PYTHONHASHSEED": "0",
+        "PYTHONUNBUFFERED": "1",
+        # One thread for small products: more would take the other runs' processors.
+        "OPENBLAS_NUM_THREADS": "1",
+        "OMP_NUM_THREADS": "1",
+        **extra,
+    }

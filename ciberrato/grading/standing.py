@@ -1,0 +1,103 @@
+"""Points, and who is first.
+
+Points of a run are the course's formula, cut to 0 and the maximum if there is one; an agent that did not
+register has none. An agent's points in a lab
+are the mean of its runs there, over the seeds; its total is the mean of the labs by their weights. Agents of
+equal totals, to a millionth, share a place, and the next place counts them all: 1, 2, 2, 4.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ciberrato.errors import UsageError
+from ciberrato.grading.course import Course
+from ciberrato.grading.runner import Graded
+
+EQUAL = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How an agent stands.
+
+    Attributes
+    ----------
+    place : int
+        From 1.
+    agent : str
+    total : float
+    labs : dict of str to float
+        Points in each lab that it has runs in.
+    runs : list of (Graded, float)
+        With their points, in the course's order.
+    """
+
+    place: int
+    agent: str
+    total: float
+    labs: dict[str, float]
+    runs: list[tuple[Graded, float]]
+
+    @property
+    def bad(self) -> int:
+        """Runs that it did not live through."""
+        return sum(not run.outcome.good for run, _ in self.runs)
+
+
+def points_of(course: Course, run: Graded) -> float:
+    """Compute the points of a run; 0 if the agent did not register, whatever the formula says.
+
+    Raises
+    ------
+    UsageError
+        If the formula has no value there.
+    """
+    if not run.outcome.registered:
+        return 0.0
+    try:
+        points = course.points.formula(run.outcome.quantities())
+    except UsageError as error:
+        where = f"{run.task.agent.name}, {run.task.lab.name}, seed {run.task.seed}"
+        raise UsageError(f"points of {where}: {error}") from None
+    if course.points.maximum is not None:
+        points = min(max(points, 0.0), course.points.maximum)
+    return points + 0.0  # no -0
+
+
+def standings(course: Course, runs: Sequence[Graded]) -> list[Standing]:
+    """Rank the agents.
+
+    Parameters
+    ----------
+    course : Course
+    runs : sequence of Graded
+        Those that are done; an agent without any is left out.
+
+    Returns
+    -------
+    list of Standing
+        Best first; equal ones in the course's order.
+    """
+    found = []
+    for agent in course.agents:
+        own = [(run, points_of(course, run)) for run in runs if run.task.agent.name == agent.name]
+        if not own:
+            continue
+        labs, weights = {}, {}
+        for lab in course.labs:
+            there = [points for run, points in own if run.task.lab.name == lab.name]
+            if there:
+                labs[lab.name] = math.fsum(there) / len(there)
+                weights[lab.name] = lab.weight
+        whole = math.fsum(weights.values())
+        total = math.fsum(labs[name] * weights[name] for name in labs) / whole if whole else 0.0
+        found.append((total, agent.name, labs, own))
+    found.sort(key=lambda one: -one[0])
+    ranked: list[Standing] = []
+    for number, (total, name, labs, own) in enumerate(found, 1):
+        tied = bool(ranked) and abs(ranked[-1].total - total) <= EQUAL
+        ranked.append(Standing(ranked[-1].place if tied else number, name, total, labs, own))
+    return ranked

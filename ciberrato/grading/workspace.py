@@ -1,0 +1,96 @@
+"""Agents' files: copied for every run, so that runs find what they were meant to find, and nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import stat
+from pathlib import Path
+
+from ciberrato.errors import UsageError
+
+LEFT_OUT = frozenset({".git", "__pycache__", ".hg", ".svn"})
+MOST_BYTES = 512 * 1024 * 1024
+MOST_FILES = 20_000
+
+
+def copy_folder(source: Path, target: Path) -> None:
+    """Copy an agent's folder; links that lead out of it are copied as links.
+
+    Parameters
+    ----------
+    source, target : Path
+        The target must not be there.
+
+    Raises
+    ------
+    UsageError
+        If a file cannot be copied.
+    """
+    try:
+        shutil.copytree(source, target, symlinks=True, ignore=_left_out)
+    except (shutil.Error, OSError) as error:
+        raise UsageError(f"{source}: cannot be copied: {_first(error)}") from None
+
+
+def _left_out(folder: str, names: list[str]) -> set[str]:
+    """Names of a folder that are not copied: those above, and what is neither file, folder nor link."""
+    odd = set()
+    for name in names:
+        mode = os.lstat(os.path.join(folder, name)).st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)):
+            odd.add(name)
+    return odd | (LEFT_OUT & set(names))
+
+
+def _first(error: Exception) -> str:
+    if isinstance(error, shutil.Error) and error.args and isinstance(error.args[0], list):
+        return str(error.args[0][0][-1])
+    return str(getattr(error, "strerror", None) or error)
+
+
+def digest_folder(folder: Path) -> str:
+    """Compute a digest of an agent's files: names, contents, and whether they can be run.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    str
+        Hexadecimal SHA-256.
+
+    Raises
+    ------
+    UsageError
+        If there is too much of it, or a file cannot be read.
+    """
+    digest = hashlib.sha256()
+    count = size = 0
+    for place, folders, names in os.walk(folder):
+        folders[:] = sorted(name for name in folders if name not in LEFT_OUT)
+        for name in sorted(names):
+            path = Path(place, name)
+            try:
+                state = path.lstat()
+                if stat.S_ISLNK(state.st_mode):
+                    content = os.readlink(path).encode()
+                elif stat.S_ISREG(state.st_mode):
+                    content = path.read_bytes()
+                else:
+                    continue
+            except OSError as error:
+                raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+            count += 1
+            size += len(content)
+            if count > MOST_FILES or size > MOST_BYTES:
+                raise UsageError(
+                    f"{folder}: more than {MOST_FILES} files or {MOST_BYTES >> 20} MB; "
+                    "name a folder that holds the agent only"
+                )
+            relative = path.relative_to(folder).as_posix()
+            head = f"{relative}\0{state.st_mode & 0o111:o}\0{len(content)}\0"
+            digest.update(head.encode("utf-8", "surrogateescape") + content)
+    return digest.hexdigest()
