@@ -44,6 +44,8 @@ UDP_PORT = DEFAULT_PORT
 LOG_VARIABLE = "CIBERRATO_LOG"
 
 _SECONDS = 2.0
+_LATE = 50
+"""Cycles that a message may be late; one that is later is of another run."""
 _MOST = 65535
 
 
@@ -297,8 +299,12 @@ class CRobLink:
                 message = decode_simulator_message(data)
             except ProtocolError:  # one broken message must not end the agent
                 continue
-            if isinstance(message, Measures):
-                found.append(message)
+            if not isinstance(message, Measures):
+                continue
+            # A message that a newer one has overtaken is not news; one of time 0 begins a new run.
+            if message.time and 0 < self.measures.time - message.time <= _LATE:
+                continue
+            found.append(message)
         return found
 
     def _send(self, actions: Actions) -> None:

@@ -96,6 +96,6 @@ def _find(name_or_path: str | Path, kind: str, what: str) -> Path:
         return _FOLDER / f"{name}_{kind}.xml"
     listed = ", ".join(shipped)
     if os.path.isdir(text):
-        raise UsageError(f"{text}: is a directory; give a {what} file, or one of these names: {listed}")
+        raise UsageError(f"{text}: is a directory; give a file, or one of these names: {listed}")
     meant = did_you_mean(name, shipped)
     raise UsageError(f"{text!r} is neither a file nor a {what} that ships; these ship: {listed}{meant}")

@@ -127,7 +127,7 @@ class Controls:
 
     @property
     def stale(self) -> int:
-        """Number of Measures that came behind newer ones, and were ignored."""
+        """Number of Measures that came behind newer ones, or twice, and were ignored."""
         return self._core.stale
 
     def __repr__(self) -> str:

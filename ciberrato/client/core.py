@@ -90,7 +90,7 @@ class RobotCore:
         self.skipped = 0
         """Measures that were not shown to the program, as newer ones were waiting."""
         self.stale = 0
-        """Measures that came too late, behind newer ones; they are ignored."""
+        """Measures that came too late, behind newer ones, or twice; they are ignored."""
         self.motors = (0.0, 0.0)
         """What the program wants while the simulator runs."""
         self.sent = (0.0, 0.0)
@@ -213,11 +213,17 @@ class RobotCore:
         if 0 < self.acceptance.parameters.sim_time < measures.time - _LONGEST_STEP_BACK:
             self.stale += 1  # no simulator is there: a corrupted message
             return False
-        if self.measures is None or measures.time >= self.measures.time:
+        newest = self.measures
+        if newest is None or measures.time > newest.time:
             self._back = 0
             return True
+        if measures.time == newest.time:
+            # While the simulator runs no time comes twice: the network has doubled a datagram.
+            doubled = newest.start and measures == newest
+            self.stale += doubled
+            return not doubled
         # One late or corrupted message must not end a run: several in a row have to agree.
-        if self.measures.time - measures.time > _LONGEST_STEP_BACK or measures.time == 0:
+        if newest.time - measures.time > _LONGEST_STEP_BACK or measures.time == 0:
             self._back += 1
             if self._back >= _NEW_RUN_MESSAGES:
                 self.ended = RunEnd.BEGUN_AGAIN

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any
 
 from ciberrato.localization.belief.estimate import PoseEstimate
-from ciberrato.localization.evidence.start_prior import StartPrior, check_start, parse_start
+from ciberrato.localization.evidence.start_prior import ANYWHERE, StartPrior, check_start, parse_start
 from ciberrato.localization.live.live_filter import LiveFilter
 from ciberrato.localization.records import FilterSettings
 from ciberrato.localization.tables.worker import TableWorker
@@ -27,6 +27,8 @@ from ciberrato.world.parameters import Parameters
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 """Mounting angles of the IR sensors in degrees, the simulator's defaults."""
 _SENSORS = 4
+MOST_MISSING = 500
+"""Cycles; after a longer gap nothing is left of what was known, and the filter begins anew, anywhere."""
 _LATE = 50  # cycles; a time farther back than a late message can be is that of a new simulation
 
 
@@ -141,17 +143,17 @@ class PoseFilter:
         self._started = not self._is_own
         self._closed = False
         self._time: int | None = None
-        self.live = self._begin()
+        self.live = self._begin(prior)
         """The queue of messages and the filter behind it, for programs that look deeper."""
         if wait:
             self.wait()
 
-    def _begin(self) -> LiveFilter:
+    def _begin(self, prior: StartPrior) -> LiveFilter:
         return LiveFilter(
             self.lab,
             self.parameters,
             self._tables,
-            start=self._prior,
+            start=prior,
             settings=self._settings,
             budget=self._budget,
             clock=self._clock,
@@ -257,6 +259,9 @@ class PoseFilter:
                     "reset() forgets the old one"
                 )
             return
+        if self._time is not None and measures.time - self._time > MOST_MISSING:
+            # Reckoned cycle by cycle the pose would be spread over the lab by now, after a long time.
+            self.live = self._begin(ANYWHERE)
         if not self._closed:
             self.start()
         elif self.live.filter is None:
@@ -294,7 +299,7 @@ class PoseFilter:
     def reset(self) -> None:
         """Forget all messages, and begin anew with the same lab, parameters and start."""
         self._time = None
-        self.live = self._begin()
+        self.live = self._begin(self._prior)
 
 
 def _is_command(command: Any) -> bool:

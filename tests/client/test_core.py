@@ -43,6 +43,16 @@ def test_late_measures_are_ignored_and_counted(core):
     assert core.take([running(81)]) == running(81)
 
 
+def test_measures_that_come_twice_are_shown_and_answered_once(core):
+    assert core.take([running(80), running(80)]) == running(80)
+    assert core.take([running(80)]) is None
+    assert (core.stale, core.skipped) == (2, 0)
+    # Before Start the time stands still, and every message counts.
+    assert core.take([Measures(time=80, stop=True)]) is None
+    assert core.take([Measures(time=80, stop=True)]) is None
+    assert core.stale == 2
+
+
 def test_several_messages_in_a_row_have_to_say_that_a_new_run_has_begun(core):
     core.take([running(80)])
     assert core.take([running(0)]) is None

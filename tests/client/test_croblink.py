@@ -78,8 +78,6 @@ def test_a_refused_agent_sees_its_status(agent):
 
 
 def test_nobody_there_raises_what_a_socket_would(monkeypatch):
-    import socket
-
     monkeypatch.setattr(croblink, "_SECONDS", 0.2)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as deaf:
         deaf.bind(("127.0.0.1", 0))
@@ -220,3 +218,29 @@ def test_a_log_that_cannot_be_written_is_told_before_registering(tmp_path, monke
             croblink.CRobLink("r2", 1, f"127.0.0.1:{peer.getsockname()[1]}")
         with pytest.raises(BlockingIOError):
             peer.recv(2048)
+
+
+def test_a_message_that_a_newer_one_has_overtaken_is_not_read():
+    peer, main = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    with peer, main:
+        for one in (peer, main):
+            one.bind(("127.0.0.1", 0))
+            one.settimeout(30)
+        answer = threading.Thread(target=accept, args=(main, peer, [5, 7, 6, 8, 0]))
+        answer.start()
+        robot = croblink.CRobLink("r", 1, f"127.0.0.1:{main.getsockname()[1]}")
+        answer.join()
+        times = []
+        while not times or times[-1]:
+            robot.readSensors()
+            times.append(robot.measures.time)
+        robot.sock.close()
+    assert 6 not in times
+    assert times[-1] == 0  # a new run
+
+
+def accept(main, peer, times):
+    _, client = main.recvfrom(2048)
+    peer.sendto(encode(Acceptance(parameters=Parameters())), client)
+    for time in times:
+        peer.sendto(encode(Measures(time=time, start=True)), client)

@@ -305,3 +305,15 @@ def test_what_is_no_command_is_refused(small_lab, tables, command):
         localizer.observe(Measures(time=1), command)
     with pytest.raises(ValueError, match="is not a Lab"):
         PoseFilter("maze", PARAMETERS)
+
+
+def test_after_a_gap_in_which_all_is_lost_it_begins_anew_at_once(small_lab, tables):
+    client = Client(small_lab)
+    lost, fresh = (PoseFilter(small_lab, PARAMETERS, ANGLES, tables=tables, wait=True) for _ in range(2))
+    assert run(client, lost, 250)[-1].certain
+    later = dataclasses.replace(client.measures, time=10**9)
+    estimate = lost.observe(later, client.command)
+    assert not estimate.certain
+    assert estimate == fresh.observe(later, client.command)
+    client.world.time, client.measures = 10**9, later
+    assert is_right(client, run(client, lost, 250)[-1])
