@@ -44,4 +44,9 @@ def test_the_wheel_ships_the_packages_and_the_maps(tmp_path):
     assert maps == {f"ciberrato/maps/{path.name}" for path in (ROOT / "maps").glob("*.xml")}
     schemas = {name for name in names if name.endswith(".rng")}
     assert schemas == {f"ciberrato/files/schemas/{kind}.rng" for kind in ("lab", "grid", "parameters")}
+    assets = {
+        str(path.relative_to(ROOT)) for path in (ROOT / "ciberrato").rglob("assets/**/*") if path.is_file()
+    }
+    assert assets <= set(names)
+    assert any("grading" in name for name in assets)
     assert "ciberrato/py.typed" in names
