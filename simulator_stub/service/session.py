@@ -325,10 +325,9 @@ class Session:
 
     def _state_changed(self) -> None:
         state = self.simulation.state
-        waits = state is SimulatorState.STOPPED and self.simulation.time == 0
-        self._notify(
-            f"{'waiting for Start' if waits else state.value.lower()} at time {self.simulation.time}"
-        )
+        # Before the first Start nothing has stopped: what is waited for is told when a robot is there.
+        if state is not SimulatorState.STOPPED or self.simulation.time:
+            self._notify(f"{state.value.lower()} at time {self.simulation.time}")
         if state is SimulatorState.RUNNING:
             for client in self.robots.values():
                 client.silent = False
