@@ -13,8 +13,7 @@ import multiprocessing
 import os
 import signal
 import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -23,10 +22,8 @@ from typing import Any, NamedTuple, TextIO
 from ciberrato.errors import CiberratoError, LabError
 from ciberrato.evaluation.attempt import Failure, Result, attempt
 from ciberrato.evaluation.task import Outcome, Task
-
-_BAR = 30
-
-Clock = Callable[[], float]
+from ciberrato.files.atomic import cut_torn_line
+from ciberrato.progress import ProgressBar
 
 
 class Evaluation(NamedTuple):
@@ -109,8 +106,8 @@ def run_tasks(
     tasks = list(dict.fromkeys(tasks))
     known: dict[str, Result | Failure] = {result.task.key: result for result in read_evaluation(path).results}
     missing = [task for task in tasks if task.key not in known]
-    bar = _Bar(len(missing), progress)
-    _mend(path)
+    bar = ProgressBar(len(missing), progress)
+    cut_torn_line(path)
     with path.open("ab", buffering=0) as file:
         for result in _outcomes(missing, jobs, scheduler):
             document: dict[str, Any] = {"task": dataclasses.asdict(result.task)}
@@ -133,15 +130,6 @@ def _sorted_out(all_of_them: Any) -> Evaluation:
         else:
             evaluation.failures.append(one)
     return evaluation
-
-
-def _mend(path: Path) -> None:
-    """Cut off a torn last line."""
-    if path.exists():
-        data = path.read_bytes()
-        whole = data[: data.rfind(b"\n") + 1]
-        if whole != data:
-            path.write_bytes(whole)
 
 
 def _outcomes(tasks: list[Task], jobs: int, scheduler: str | None) -> Iterator[Result | Failure]:
@@ -201,29 +189,3 @@ def _prepare(lab: str, angles: tuple[float, ...], resolution: float) -> None:
         prepare(lab, angles, resolution)
     except Exception:
         return  # the tasks that need these tables will say so
-
-
-class _Bar:
-    """A line that says how far things are, and when they will be done."""
-
-    def __init__(self, total: int, stream: TextIO | None, clock: Clock = time.monotonic) -> None:
-        self._total, self._done, self._stream, self._clock = total, 0, stream, clock
-        self._began = clock()
-        self._shown = -1.0
-
-    def step(self) -> None:
-        self._done += 1
-        now = self._clock()
-        if self._stream is None or (now - self._shown < 0.5 and self._done < self._total):
-            return
-        self._shown = now
-        filled = _BAR * self._done // max(self._total, 1)
-        left = (now - self._began) / self._done * (self._total - self._done)
-        self._stream.write(
-            f"\r[{'#' * filled}{'.' * (_BAR - filled)}] {self._done}/{self._total} runs, {left:.0f} s left "
-        )
-        self._stream.flush()
-
-    def close(self) -> None:
-        if self._stream is not None and self._done:
-            self._stream.write("\n")

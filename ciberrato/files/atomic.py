@@ -39,3 +39,12 @@ def replace_file(path: Path, contents: bytes) -> None:
         with contextlib.suppress(OSError):
             temporary.unlink()
         raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def cut_torn_line(path: Path) -> None:
+    """Cut off a torn last line of a file of lines; one that is not there stays so."""
+    if path.exists():
+        data = path.read_bytes()
+        whole = data[: data.rfind(b"\n") + 1]
+        if whole != data:
+            path.write_bytes(whole)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
@@ -17,12 +16,12 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from ciberrato.errors import LabError, UsageError
+from ciberrato.files.atomic import cut_torn_line
 from ciberrato.grading.course import Course
 from ciberrato.grading.launch import Launcher, RunError
 from ciberrato.grading.outcome import Outcome
 from ciberrato.grading.task import Task
-
-_BAR = 30
+from ciberrato.progress import ProgressBar
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,14 +108,14 @@ def grade(
     path, recordings = folder / "runs.jsonl", folder / "recordings"
     try:
         recordings.mkdir(parents=True, exist_ok=True)
-        _mend(path)
+        cut_torn_line(path)
         file = path.open("ab", buffering=0)
     except OSError as error:
         raise UsageError(f"{folder}: cannot be written: {error.strerror}") from None
     done = read_runs(path)
     missing = [task for task in tasks if task.key not in done]
     faults: list[str] = []
-    bar = Bar(len(missing), progress)
+    bar = ProgressBar(len(missing), progress)
     with file, tempfile.TemporaryDirectory(prefix="ciberrato-grade-", ignore_cleanup_errors=True) as name:
         launcher = Launcher(course, sandbox, recordings, Path(name))
 
@@ -168,50 +167,3 @@ def jobs_by_default(*, lockstep: bool) -> int:
     """Return how many runs there are at a time: in real time one for two processors, as clocks count."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, cores if lockstep else cores // 2)
-
-
-def _mend(path: Path) -> None:
-    """Cut off a torn last line."""
-    if path.exists():
-        data = path.read_bytes()
-        whole = data[: data.rfind(b"\n") + 1]
-        if whole != data:
-            path.write_bytes(whole)
-
-
-class Bar:
-    """A line that says how far things are, and how long the rest will take.
-
-    Parameters
-    ----------
-    total : int
-    stream : text stream or None
-    clock : callable
-        Seconds.
-    """
-
-    def __init__(
-        self, total: int, stream: TextIO | None, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._total, self._done, self._stream, self._clock = total, 0, stream, clock
-        self._began = clock()
-        self._shown = -1.0
-
-    def step(self) -> None:
-        """Count a run; a terminal sees it at once, a file every half second at most."""
-        self._done += 1
-        now = self._clock()
-        if self._stream is None or (now - self._shown < 0.5 and self._done < self._total):
-            return
-        self._shown = now
-        filled = _BAR * self._done // max(self._total, 1)
-        left = (now - self._began) / self._done * (self._total - self._done)
-        self._stream.write(
-            f"\r[{'#' * filled}{'.' * (_BAR - filled)}] {self._done}/{self._total} runs, {left:.0f} s left "
-        )
-        self._stream.flush()
-
-    def close(self) -> None:
-        """End the line."""
-        if self._stream is not None and self._done:
-            self._stream.write("\n")

@@ -25,6 +25,7 @@ LIBRARY = {
     "arrays": set(),
     "command_line": {"errors", "version"},
     "processes": set(),
+    "progress": set(),
     "plaintext": set(),
     "world": {"errors"},
     "labs": {"errors"},
