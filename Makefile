@@ -31,10 +31,10 @@ lint: $(VENV)/.stamp  ## ruff and mypy
 	$(BIN)/mypy
 
 quick: $(VENV)/.stamp  ## the tests that take less than a few seconds each
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow"
 
-test: lint  ## everything CI runs
-	$(BIN)/python -m pytest
+test: lint  ## everything CI runs, on every core
+	$(BIN)/python -m pytest -n auto
 
 conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator: the tests', or GOLDEN=... LABS=...
 	$(BIN)/python -m benchmarks.conformance $(if $(GOLDEN),--golden '$(GOLDEN)') $(if $(LABS),--labs '$(LABS)')
