@@ -31,7 +31,6 @@ from simulator_stub.recording.observer import Observer
 from simulator_stub.recording.reference_files import ReferenceFiles
 from simulator_stub.recording.results import Results
 from simulator_stub.recording.truth import TruthFile
-from simulator_stub.scoring import SCORINGS
 from simulator_stub.service.kidnapping import Kidnapper, parse_kidnapping
 from simulator_stub.service.pace import Lockstep, Pace, RealTime
 from simulator_stub.service.runs import Runs
@@ -71,7 +70,10 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     """
     lab, grid, parameters = read_world(options, notify)
     seed = secrets.randbits(32) if options.seed is None else options.seed
-    simulation = Simulation(lab, grid, parameters, seed, options.scoring)
+    try:
+        simulation = Simulation(lab, grid, parameters, seed, options.scoring, sensors=options.sensor)
+    except ValueError as error:
+        raise UsageError(f"argument --sensor: {error}") from None
     kidnapper = _kidnapper(options)
     # Ports first: the files of a simulator that already runs there must not be overwritten.
     transports = open_transports(
@@ -81,7 +83,7 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
         for transport in transports:
             opened.callback(transport.close)
         observers: list[Observer] = []
-        for observer in _observers(options):
+        for observer in _observers(options, simulation):
             opened.callback(observer.close)
             observers.append(observer)
         results = Results(seed=seed, scoring=options.scoring, path=options.result, notify=notify)
@@ -187,12 +189,12 @@ def _kidnapper(options: argparse.Namespace) -> Kidnapper | None:
         raise UsageError(f"argument --kidnap: {error}") from None
 
 
-def _observers(options: argparse.Namespace) -> Iterator[Observer]:
+def _observers(options: argparse.Namespace, simulation: Simulation) -> Iterator[Observer]:
     if options.truth is not None:
         yield TruthFile(options.truth)
     if options.log is not None:
         yield LogFile(options.log, time.ctime())
-    if SCORINGS[options.scoring].has_documents:
+    if simulation.scoring.has_documents:
         yield ReferenceFiles(options.scoring_files)
 
 

@@ -58,7 +58,20 @@ def _parser() -> argparse.ArgumentParser:
     world.add_argument("--param", metavar="FILE", help="parameters; default: the real simulator's")
     modes = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
     world.add_argument(
-        "--scoring", type=_scoring, default=0, metavar="MODE", help=f"by number or name: {modes}; default: 0"
+        "--scoring",
+        type=_scoring,
+        default=0,
+        metavar="MODE",
+        help=f"by number or name: {modes}; or that of an entry point in ciberrato.scoring, or module:Class; "
+        "default: 0",
+    )
+    world.add_argument(
+        "--sensor",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="give robots a sensor that others wrote: name of an entry point in ciberrato.sensors, or "
+        "module:Class; may be given again",
     )
     for name, what in (("gps", "a GPS"), ("beacon", "beacon sensors"), ("compass", "a compass")):
         world.add_argument(
@@ -155,12 +168,17 @@ def _number(text: str, what: str, *, least: float, most: float) -> int:
     return value
 
 
-def _scoring(text: str) -> int:
-    """Read a scoring mode, by number or by name."""
+def _scoring(text: str) -> int | str:
+    """Read a scoring mode, by number or by name; one that others wrote by its own name or place."""
     numbers = {name: number for number, name in SCORING_MODES.items()}
     numbers |= {str(number): number for number in SCORING_MODES}
+    from ciberrato.plugins import REFERENCE, installed, refuse_taken
+
+    refuse_taken("ciberrato.scoring", numbers)
     name = text.lower().replace("_", "-")
     if name not in numbers:
+        if text in installed("ciberrato.scoring") or REFERENCE.fullmatch(text):
+            return text
         listed = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
         meant = did_you_mean(name, SCORING_MODES.values())
         raise argparse.ArgumentTypeError(f"{text!r} is not a scoring mode; these are: {listed}{meant}")

@@ -7,7 +7,8 @@ around it (`simulator_stub.service`) turn datagrams and time into such calls.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -29,8 +30,9 @@ from ciberrato.world.lab import Beacon, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
 from simulator_stub.robot_transitions import next_state
-from simulator_stub.scoring import SCORINGS, Scoring
-from simulator_stub.sensors import SENSORS, Scene, Sensor
+from simulator_stub.scoring import SCORINGS, Scoring, find_scoring
+from simulator_stub.sensors import SENSORS, Scene, Sensor, own_sensors
+from simulator_stub.world.commands import Wanted, messages_of, robot_of
 from simulator_stub.world.motion import move
 from simulator_stub.world.noise import NoiseRoot, Stream
 from simulator_stub.world.robot import Robot
@@ -56,8 +58,12 @@ class Simulation:
     parameters : Parameters
     seed : int or numpy.random.Generator
         Everything random follows from it; of a generator, four numbers are drawn at once and none later.
-    scoring : int
-        Scoring mode.
+    scoring : int, str or type
+        Scoring mode: its number, or one that others wrote, by the name of its entry point
+        (``ciberrato.scoring``), by ``module:Class``, or its class.
+    sensors : sequence of type or str
+        Sensors that others wrote and every robot carries, too: classes, names of entry points
+        (``ciberrato.sensors``) or ``module:Class``.
     compiled : bool
         Compute IR distances in machine code made by numba, the optional extra ``fast``; the results are the
         same to the last bit.
@@ -91,12 +97,14 @@ class Simulation:
         grid: StartGrid,
         parameters: Parameters | None = None,
         seed: int | np.random.Generator = 0,
-        scoring: int = 0,
+        scoring: int | str | type[Scoring] = 0,
         *,
+        sensors: Sequence[type[Sensor] | str] = (),
         compiled: bool = False,
     ) -> None:
         self.world = World.build(lab, grid, parameters or Parameters(), compiled=compiled)
-        self.scoring: Scoring = SCORINGS[scoring](self.world)
+        self.scoring: Scoring = find_scoring(scoring, SCORINGS)(self.world)
+        self._kinds = (*SENSORS, *own_sensors(sensors, [sensor.name for sensor in SENSORS]))
         self._noise = NoiseRoot.from_generator(np.random.default_rng(seed))
         self.worlds = 0
         self._machine = SimulatorStateMachine()
@@ -195,7 +203,7 @@ class Simulation:
             motor_noise=Stream(self._noise, robot_id, "motors", running=True),
             beacons_known=beacons,
         )
-        sensors = [sensor(self.world, robot, self._noise) for sensor in SENSORS]
+        sensors = [sensor(self.world, robot, self._noise) for sensor in self._kinds]
         self._sensors[robot_id] = tuple(sensor for sensor in sensors if sensor.is_present)
         robot.request_names = frozenset(name for sensor in sensors for name in sensor.request_names)
         return robot
@@ -223,17 +231,17 @@ class Simulation:
         Parameters
         ----------
         robot_id : int
-        x, y : float
-            Units.
-        heading : float
-            Radians.
+        x, y, heading : float
+            Units and radians.
 
         Raises
         ------
-        KeyError
-            There is no robot of that id.
+        UnknownRobotError
+            There is no robot of that id. A KeyError, too.
         """
-        robot = self._robots[robot_id]
+        robot = robot_of(self._robots, robot_id)
+        if not all(math.isfinite(value) for value in (x, y, heading)):
+            raise ValueError(f"x, y, heading: {(x, y, heading)!r:.60} are not finite numbers")
         robot.x, robot.y, robot.heading = x, y, heading
         robot.wanted = (x, y, heading)
 
@@ -274,13 +282,14 @@ class Simulation:
 
     # --- a cycle -----------------------------------------------------------------------------------
 
-    def step(self, actions: Mapping[int, Actions | Iterable[Actions]] | None = None) -> dict[int, Measures]:
+    def step(self, actions: Mapping[int, Wanted] | None = None) -> dict[int, Measures]:
         """Do one cycle.
 
         Parameters
         ----------
-        actions : mapping of int to Actions or iterable of Actions, optional
-            What robots want, by id; several messages of one robot are applied in order.
+        actions : mapping of int to Actions, iterable of Actions or (float, float), optional
+            What robots want, by id; several messages of one robot are applied in order. Two numbers are left
+            and right motor command in units a cycle.
 
         Returns
         -------
@@ -289,12 +298,17 @@ class Simulation:
 
         Raises
         ------
-        KeyError
-            There is no robot of that id.
+        TypeError, UnknownRobotError
+            The actions are none of these; there is no robot of that id. Nothing has changed then.
         """
+        if actions is not None and not isinstance(actions, Mapping):
+            raise TypeError(f"actions: {actions!r:.60} is not a mapping of robots' ids to what they want")
+        messages = {robot_id: messages_of(robot_id, wanted) for robot_id, wanted in (actions or {}).items()}
+        for robot_id in messages:
+            robot_of(self._robots, robot_id)
         self.begin_cycle()
-        for robot_id, wanted in (actions or {}).items():
-            for message in (wanted,) if isinstance(wanted, Actions) else wanted:
+        for robot_id, wanted in messages.items():
+            for message in wanted:
                 self.act(robot_id, message)
         if self.restart_requested:
             self.restart()
@@ -330,7 +344,7 @@ class Simulation:
         If it asks for the world to begin again, that is left to the caller (`restart`) when all messages of
         the cycle are applied; `restart_requested` tells. `step` does it.
         """
-        self._robots[robot_id].apply(actions)
+        robot_of(self._robots, robot_id).apply(actions)
         self.restart_requested |= actions.reset
 
     def advance(self) -> dict[int, Measures]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from agent.commands import SUBCOMMANDS, option_types
 from agent.commands.files import check_output, read_lab_file
 from agent.commands.parser import DISTANCES, PRESETS, OptionParser, add_output, add_precision, add_strict
-from agent.drives.registry import DRIVES, RIGHT, forms
+from agent.drives.registry import DRIVES, RIGHT, drive_kind, forms
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
@@ -61,7 +61,7 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
 
     check_start(parse_start(options.start), settings.lab)
     drive, argument = options.drive
-    check = DRIVES[drive].check
+    check = drive_kind(drive).check
     if check is not None:
         check(argument, settings.lab)
     live = LiveSettings(
@@ -221,4 +221,5 @@ def _line(words: str, what: str) -> str:
 
 def _drives() -> str:
     kinds = zip(forms(), DRIVES.values(), strict=True)
-    return ", ".join(form + f" ({kind.summary})" * bool(kind.summary) for form, kind in kinds)
+    there = ", ".join(form + f" ({kind.summary})" * bool(kind.summary) for form, kind in kinds)
+    return f"{there}; or that of an entry point in ciberrato.drives, or module:object, with :TEXT"

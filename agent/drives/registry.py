@@ -8,9 +8,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ciberrato.errors import did_you_mean
+from ciberrato.plugins import REFERENCE, failure, installed, load_part, refuse_taken
 
 if TYPE_CHECKING:
-    from agent.drives.base import Drive
+    from agent.drives.base import Drive, DriveSetup
     from ciberrato.world.lab import Lab
     from ciberrato.world.parameters import Parameters
 
@@ -32,6 +33,9 @@ class DriveKind(NamedTuple):
     check : callable or None
         Raises UsageError if the argument, as it was read, cannot be in a lab: asked before the robot
         registers.
+    make : callable or None
+        Makes the drive, of one that is no module: then `home` is only said.
+    argument_may_be_left_out : bool
     """
 
     home: str
@@ -39,6 +43,8 @@ class DriveKind(NamedTuple):
     argument: Callable[[str], Any] | None = None
     form: str = ""
     check: Callable[[Any, Lab], None] | None = None
+    make: Callable[[DriveSetup], Any] | None = None
+    argument_may_be_left_out: bool = False
 
 
 def read_place(text: str) -> tuple[float, float]:
@@ -81,7 +87,9 @@ DRIVES = {
     "active": DriveKind("agent.drives.active", "to where the pose shows, then stop"),
     "goto": DriveKind("agent.drives.goto", argument=read_place, form="X,Y", check=check_goal),
 }
-"""By name. A new one is a new module and a line here."""
+"""By name. A new one is a new module and a line here; those that others wrote are found by `drive_kind`."""
+
+GROUP = "ciberrato.drives"
 
 
 def forms() -> list[str]:
@@ -106,9 +114,20 @@ def parse_drive(text: str) -> tuple[str, Any]:
     ------
     ValueError
         If there is no such drive, or it does not take this argument; the message lists those there are.
+    UsageError
+        If one that others wrote cannot be loaded.
     """
     name, colon, rest = text.partition(":")
-    kind = DRIVES.get(name)
+    if name not in DRIVES and (name in installed(GROUP) or REFERENCE.match(text)):
+        if name not in installed(GROUP):
+            first, _, after = rest.partition(":")
+            name, colon, rest = f"{name}:{first}", rest[len(first) : len(first) + 1], after
+        kind: DriveKind | None = drive_kind(name)
+        if kind is not None and kind.argument_may_be_left_out:
+            return name, rest if colon else None
+    else:
+        refuse_taken(GROUP, [name])
+        kind = DRIVES.get(name)
     try:
         if kind is not None and kind.argument is None and not colon:
             return name, None
@@ -116,7 +135,7 @@ def parse_drive(text: str) -> tuple[str, Any]:
             return name, kind.argument(rest)
     except ValueError:
         pass
-    *others, last = forms()
+    *others, last = [*forms(), *sorted(installed(GROUP))]
     meant = did_you_mean(name, DRIVES) if kind is None else ""
     raise ValueError(f"{text!r} is not {', '.join(others)} or {last}{meant}")
 
@@ -158,8 +177,9 @@ def make_drive(
     ValueError
         If there is no such drive, or it lacks its argument.
     """
-    kind = DRIVES.get(name)
-    if kind is None or name == RIGHT or (kind.argument is not None and goal is None):
+    kind = DRIVES.get(name) if name in DRIVES or not _is_own(name) else drive_kind(name)
+    lacks = kind is not None and kind.argument is not None and not kind.argument_may_be_left_out
+    if kind is None or name == RIGHT or (lacks and goal is None):
         raise ValueError(f"no drive {name!r}, or no argument for it")
     from agent.drives.base import DriveSetup
 
@@ -171,10 +191,58 @@ def make_drive(
         cruise=cruise,
         stop_when_localized=stop_when_localized,
     )
-    drive: Drive = load_drive(name).make(setup)
-    return drive
+    if name in DRIVES:
+        drive: Drive = load_drive(name).make(setup)
+        return drive
+    from agent.drives.own import OwnDrive
+
+    return OwnDrive(f"drive {name!r}", kind.make or load_drive(name).make, setup)
 
 
 def load_drive(name: str) -> Any:
     """Return the module of a drive; loading it takes time that a running robot does not have."""
-    return importlib.import_module(DRIVES[name].home)
+    kind = drive_kind(name)
+    return kind if kind.make is not None else importlib.import_module(kind.home)
+
+
+def drive_kind(name: str) -> DriveKind:
+    """Return what is known of a drive: one of `DRIVES`, or one that others wrote.
+
+    Parameters
+    ----------
+    name : str
+        In `DRIVES`, of an entry point (``ciberrato.drives``), or ``module:object``. Such an object is a
+        `DriveKind`, or a function or class that makes a drive from a `DriveSetup`.
+
+    Returns
+    -------
+    DriveKind
+
+    Raises
+    ------
+    UsageError
+        If it cannot be loaded; see `ciberrato.plugins.load_part`.
+    """
+    if name in DRIVES:
+        return DRIVES[name]
+    part = load_part(
+        GROUP,
+        name,
+        fits=lambda value: isinstance(value, DriveKind) or callable(value),
+        wanted="a DriveKind, or a function that makes a drive from a DriveSetup",
+        built_in=DRIVES,
+    )
+    if not isinstance(part.value, DriveKind):
+        return DriveKind(
+            part.label, argument=str, form="TEXT", make=part.value, argument_may_be_left_out=True
+        )
+    if part.value.make is None:
+        try:
+            importlib.import_module(part.value.home)
+        except Exception as error:
+            raise failure(f"{part.label} cannot be loaded", error) from None
+    return part.value
+
+
+def _is_own(name: str) -> bool:
+    return bool(REFERENCE.fullmatch(name)) or name in installed(GROUP)

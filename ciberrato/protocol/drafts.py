@@ -14,7 +14,7 @@ from ciberrato.protocol.messages import Measures
 NOTHING_SEEN = (None, None, None, None)
 _BY_HAND = {
     *("time", "start", "stop", "end_led", "returning_led", "visiting_led"),  # always set by who makes it
-    *("collision", "compass", "ground", "gps", "line", "score", "infrared", "beacons", "messages"),
+    *("collision", "compass", "ground", "gps", "line", "score", "infrared", "beacons", "messages", "others"),
 }
 _ADDED = tuple((field.name, field.default) for field in fields(Measures) if field.name not in _BY_HAND)
 
@@ -28,7 +28,7 @@ class MeasuresDraft:
         draft: Any = self
         draft.collision = draft.compass = draft.ground = draft.gps = draft.line = draft.score = None
         draft.infrared = NOTHING_SEEN
-        draft.beacons = draft.messages = ()
+        draft.beacons = draft.messages = draft.others = ()
         for name, default in _ADDED:
             setattr(draft, name, default)
 

@@ -6,9 +6,17 @@ import re
 from dataclasses import fields
 from typing import Any
 
+from ciberrato.errors import UsageError
 from ciberrato.protocol.drafts import MeasuresDraft
-from ciberrato.protocol.messages import BeaconReading, HeardMessage, Measures, ScoreReading, SensorElement
-from ciberrato.protocol.text import attribute, cdata, general, required, strict_integer, strict_real
+from ciberrato.protocol.messages import (
+    BeaconReading,
+    HeardMessage,
+    Measures,
+    OtherReading,
+    ScoreReading,
+    SensorElement,
+)
+from ciberrato.protocol.text import attribute, cdata, general, required, shown, strict_integer, strict_real
 from ciberrato.protocol.xmltree import Element
 
 _USUAL = """\
@@ -46,6 +54,7 @@ _LAYOUT = re.compile(
     rb"\t<Buttons Start=" + _SWITCH + rb" Stop=" + _SWITCH + rb"/>\n"
     rb"</Measures>\n?(?:\0|\Z)"
 )  # fmt: skip
+_NAME = re.compile(r"[^\W\d][\w.:-]*")
 _BEACON = re.compile(rb'Id="([0-9]+)" Value="([^"]+)"')
 
 _ELEMENTS: dict[str, SensorElement] = {
@@ -111,9 +120,9 @@ def _beacons_from_layout(lines: bytes) -> tuple[BeaconReading, ...]:
 def measures_from_element(root: Element) -> Measures:
     """Read Measures from its element.
 
-    Sensors, LEDs and buttons may be missing; elements and attributes that are not known do not matter,
-    nor do IR sensors beyond the fourth. What is there must be complete, as the strictest of the real clients
-    wants it.
+    Sensors, LEDs and buttons may be missing; attributes that are not known do not matter, nor do IR sensors
+    beyond the fourth; elements that are not known are kept in `Measures.others`. What is there must be
+    complete, as the strictest of the real clients wants it.
 
     Raises
     ------
@@ -124,6 +133,7 @@ def measures_from_element(root: Element) -> Measures:
     infrared: list[float | None] = [None, None, None, None]
     beacons: list[BeaconReading] = []
     heard: list[HeardMessage] = []
+    unknown: list[OtherReading] = []
     others: dict[str, Any] = {}
     score: ScoreReading | None = None
     leds = buttons = None
@@ -151,6 +161,8 @@ def measures_from_element(root: Element) -> Measures:
                     heard.append(HeardMessage(sender=sender, text=sensor.text))
                 elif sensor.name == "Score":
                     score = _score(values)
+                else:
+                    unknown.append(OtherReading(name=sensor.name, values=tuple(values.items())))
     collision, compass, ground = (attributes.get(name) for name in ("Collision", "Compass", "Ground"))
     return Measures(
         time=strict_integer(required(root.attributes, "Measures", "Time"), "Measures Time"),
@@ -166,6 +178,7 @@ def measures_from_element(root: Element) -> Measures:
         beacons=tuple(beacons),
         messages=tuple(heard),
         score=score,
+        others=tuple(unknown),
         **others,
     )
 
@@ -238,7 +251,7 @@ def measures_to_xml(measures: Measures, *, log: bool = False) -> str:
     ):  # fmt: skip
         if (
             m.line is not None and not _ADDED and not m.beacons
-            and m.gps is None and not m.messages and m.score is None
+            and m.gps is None and not m.messages and m.score is None and not m.others
         ):  # fmt: skip
             others = f'\t\t<LineSensor Value="{attribute(m.line, "LineSensor Value")}" />\n'
         else:
@@ -297,6 +310,11 @@ def _other_sensors(m: Measures, *, log: bool) -> str:
         reading = getattr(m, name)
         if reading is not None:
             lines.append(_write(element, reading))
+    for other in m.others:
+        if not _NAME.fullmatch(other.name):
+            raise UsageError(f"{shown(other.name)!r} cannot be the name of a sensor's element")
+        written = "".join(f' {key}="{attribute(text, f"{other.name} {key}")}"' for key, text in other.values)
+        lines.append(f"\t\t<{other.name}{written} />\n")
     if log:
         return "".join(lines)
     lines += (

@@ -226,6 +226,22 @@ class ScoreReading:
     visited_mask: str = ""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherReading:
+    """An element in Sensors that this protocol does not know: a sensor that others wrote.
+
+    Attributes
+    ----------
+    name : str
+        Of the element.
+    values : tuple of (str, str)
+        Its attributes, as on the wire.
+    """
+
+    name: str
+    values: tuple[tuple[str, str], ...]
+
+
 SensorElement = tuple[str, dict[str, type]]
 """How a sensor's reading stands in Measures: as an element in Sensors, after the beacons.
 
@@ -265,6 +281,8 @@ class Measures:
         Seven characters 0 or 1, leftmost element first.
     messages : tuple of HeardMessage
     score : ScoreReading or None
+    others : tuple of OtherReading
+        Sensors that this protocol does not know; `other` looks one up.
     """
 
     time: int
@@ -282,6 +300,11 @@ class Measures:
     line: str | None = sent_as("LineSensor", Value=str)
     messages: tuple[HeardMessage, ...] = ()
     score: ScoreReading | None = None
+    others: tuple[OtherReading, ...] = ()
+
+    def other(self, name: str) -> dict[str, str] | None:
+        """Return the attributes of an element of `others`, as text; None if there is none of that name."""
+        return next((dict(reading.values) for reading in self.others if reading.name == name), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

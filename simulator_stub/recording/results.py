@@ -24,7 +24,7 @@ class Results(Observer):
 
     Parameters
     ----------
-    scoring : int
+    scoring : int or str
         Scoring mode.
     path : Path or None
         The result file, written anew after each run; None for no file.
@@ -48,7 +48,9 @@ class Results(Observer):
         If the file cannot be written; also later, when the disk is full.
     """
 
-    def __init__(self, *, seed: int, scoring: int, path: Path | None, notify: Callable[[str], None]) -> None:
+    def __init__(
+        self, *, seed: int, scoring: int | str, path: Path | None, notify: Callable[[str], None]
+    ) -> None:
         self.seed: int | None = seed
         self.runs: list[dict[str, Any]] = []
         self.answers: Callable[[int], dict[str, int | None]] | None = None

@@ -10,9 +10,10 @@ from simulator_stub.scoring.linecontrol45 import LineControl45
 from simulator_stub.scoring.linemapping import LineMapping
 from simulator_stub.scoring.lineplanning import LinePlanning
 from simulator_stub.scoring.mapping import Mapping
+from simulator_stub.scoring.own import find_scoring
 from simulator_stub.scoring.planning import Planning
 
-__all__ = ["SCORINGS", "Scoring"]
+__all__ = ["SCORINGS", "Scoring", "find_scoring"]
 
 SCORINGS: dict[int, type[Scoring]] = {
     scoring.mode: scoring

@@ -8,6 +8,7 @@ from ciberrato.protocol import (
     BeaconReading,
     HeardMessage,
     Measures,
+    OtherReading,
     Refusal,
     Restart,
     RobotStatus,
@@ -85,7 +86,7 @@ def test_any_terminator_will_do(end):
         (
             b'<Measures Time="3"><Sensors><IRSensor Id="7" Value="1"/><New x="1"><y/></New></Sensors>'
             b"<Other/></Measures>",
-            Measures(time=3),
+            Measures(time=3, others=(OtherReading(name="New", values=(("x", "1"),)),)),
         ),
         (
             b'<Measures Time="3"><Buttons Start="on" Stop="On" Pause="On"/></Measures>',

@@ -27,6 +27,7 @@ LIBRARY = {
     "processes": set(),
     "progress": set(),
     "plaintext": set(),
+    "plugins": {"bayes", "errors"},
     "world": {"errors"},
     "labs": {"errors"},
     "geometry": WORLD,

@@ -1,0 +1,79 @@
+"""Sensors that others wrote, beside those of every robot."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable
+from typing import Any
+
+from ciberrato.plugins import load_part
+from ciberrato.protocol import OtherReading
+from ciberrato.protocol.text import general
+from simulator_stub.sensors.base import Sensor
+
+GROUP = "ciberrato.sensors"
+
+
+def own_sensors(wanted: Iterable[type[Sensor] | str], taken: Iterable[str]) -> tuple[type[Sensor], ...]:
+    """Find sensors by class, by the name of an entry point, or by ``module:Class``.
+
+    Parameters
+    ----------
+    wanted : iterable of type or str
+    taken : iterable of str
+        Names of the sensors that are there: each names a stream of random numbers.
+
+    Returns
+    -------
+    tuple of type
+
+    Raises
+    ------
+    UsageError
+        If one of those that are named cannot be loaded; see `ciberrato.plugins.load_part`.
+    ValueError
+        If one is no sensor, or has no name of its own.
+    """
+    if isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable):
+        raise ValueError(f"sensors: {wanted!r:.60} is not a list of sensors (classes or names)")
+    names = set(taken)
+    found = []
+    for item in wanted:
+        kind: Any = item
+        label = "sensors"
+        if isinstance(item, str):
+            label, kind = load_part(
+                GROUP, item, fits=_is_sensor, wanted="a class derived from simulator_stub.sensors.Sensor"
+            )
+        elif not _is_sensor(item):
+            raise ValueError(
+                f"sensors: {item!r:.60} is not a class derived from simulator_stub.sensors.Sensor"
+            )
+        name = getattr(kind, "name", None)
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"{label}: {kind.__name__} has no `name`, which names its random numbers")
+        if name in names:
+            raise ValueError(f"{label}: the name {name!r} is taken by another sensor")
+        names.add(name)
+        found.append(kind)
+    return tuple(found)
+
+
+def report_other(fields: dict[str, Any], element: str, **values: float | str) -> None:
+    """Add an element of its own to what a sensor reports; it is sent within Sensors, and in the log.
+
+    Parameters
+    ----------
+    fields : dict
+        What `Sensor.report` or `Sensor.record` is handed.
+    element : str
+        Name of the element.
+    **values : float or str
+        Its attributes; numbers are sent with six digits, as all are.
+    """
+    texts = tuple((key, value if isinstance(value, str) else general(value)) for key, value in values.items())
+    fields["others"] = (*fields.get("others", ()), OtherReading(name=element, values=texts))
+
+
+def _is_sensor(value: Any) -> bool:
+    return isinstance(value, type) and issubclass(value, Sensor) and not inspect.isabstract(value)
