@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,17 +26,22 @@ class Failure:
     error: str
 
 
-def attempt(task: Task) -> Result | Failure:
+def attempt(task: Task, folder: str | None = None) -> Result | Failure:
     """Run a task; what it raises is part of what comes of it.
 
     Parameters
     ----------
     task : Task
+    folder : str, optional
+        In which a filter or a drive that others wrote is looked for, too, on another machine: last, and only
+        for a task that names one.
 
     Returns
     -------
     Result or Failure
     """
+    if folder is not None and task.code and folder not in sys.path:
+        sys.path.append(folder)
     from ciberrato.evaluation.episode import run_task
     from ciberrato.localization.belief import compiled
 

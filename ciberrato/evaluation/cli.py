@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import functools
-import itertools
 import os
+import signal
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 # Small products on several threads cost a hundred times what they save; before numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
-from ciberrato.evaluation.task import DRIVES, GPS, PRIORS, STARTS, Task
+from ciberrato.evaluation.options import PROGRAM, make_parser
 
 if TYPE_CHECKING:
     from ciberrato.evaluation.attempt import Result
 
-PROGRAM = "ciberrato-evaluate"
-_GROUPS = ("lab", "start", "prior", "parameters", "compass", "gps", "drive", "resolution")
 _BY_DEFAULT = ("start", "parameters", "compass", "drive")
-_IF_SEVERAL = ("prior", "gps")
+_IF_SEVERAL = ("prior", "gps", "settings", "filter")
 _COMPARED_BY_DEFAULT = ("lab", "parameters", "compass")
 
 
@@ -40,13 +35,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0; 1 if runs failed; 2 for what the user can put right; 130 if interrupted (what was run
-        is kept).
+        Exit status: 0; 1 if runs failed; 2 for what the user can put right; 130 if interrupted, 143 if
+        terminated (what was run is kept, and no process of ours is left).
     """
+    former = _take_termination()
     try:
-        status = _run(_parser().parse_args(arguments))
+        status = _run(make_parser().parse_args(arguments))
         sys.stdout.flush()
         return status
+    except _TerminatedError:
+        print(f"\n{PROGRAM}: terminated; the same command goes on from here", file=sys.stderr)
+        return 143
     except BrokenPipeError:
         # Whoever read our output has seen enough; what is still buffered must not complain at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -57,15 +56,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CiberratoError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return 2
+    finally:
+        if former is not None:
+            signal.signal(signal.SIGTERM, former)
+
+
+class _TerminatedError(BaseException):
+    """SIGTERM has come: as a KeyboardInterrupt, it ends everything on its way out."""
+
+
+def _take_termination() -> Any:
+    """Have SIGTERM raise; return what handled it before, None where that cannot be had."""
+
+    def leave(number: int, frame: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # one is enough
+        raise _TerminatedError
+
+    try:
+        return signal.signal(signal.SIGTERM, leave)
+    except ValueError:  # not in the main thread: what runs us there ends us otherwise
+        return None
 
 
 def _run(options: argparse.Namespace) -> int:
+    from ciberrato.evaluation.planning import tasks_of
     from ciberrato.evaluation.runner import read_evaluation, run_tasks
 
     if options.replay is not None:
         return _replay(options)
     if options.published:
         return _published(options)
+    if options.table is not None:
+        from ciberrato.evaluation.results import check_table
+
+        check_table(options.table)
     if options.report:
         evaluation = read_evaluation(options.output)
         if not evaluation.results:
@@ -73,7 +97,7 @@ def _run(options: argparse.Namespace) -> int:
     else:
         from ciberrato.localization.belief import compiled
 
-        tasks = _tasks(options)
+        tasks = tasks_of(options)
         _tell(
             options,
             labs=[task.lab for task in tasks],
@@ -92,6 +116,11 @@ def _run(options: argparse.Namespace) -> int:
         )
     if evaluation.results:
         _show(options, evaluation.results)
+    if options.table is not None:
+        from ciberrato.evaluation.results import write_table
+
+        write_table(options.table, [*evaluation.results, *evaluation.failures])
+        print(options.table)
     if evaluation.failures:
         first = evaluation.failures[0]
         number = len(evaluation.failures)
@@ -111,6 +140,9 @@ def _show(options: argparse.Namespace, results: list[Result]) -> None:
         *_BY_DEFAULT,
         *(field for field in _IF_SEVERAL if len({getattr(r.task, field) for r in results}) > 1),
     ]
+    codes = {(result.task.filter, result.task.drive, result.task.code) for result in results}
+    if not options.by and len(codes) > len({names[:2] for names in codes}):
+        fields.append("code")  # a filter or a drive has been changed between runs
     groups = group_by(results, *fields)
     print(table(groups))
     for key, group in groups.items():
@@ -149,56 +181,22 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _published(options: argparse.Namespace) -> int:
+    from ciberrato.evaluation.planning import find_labs, resolution_of
     from ciberrato.evaluation.published import LabTask, compare_with_published, published_table
 
     tasks = [
         LabTask(
             lab=lab,
-            resolution=_resolution(lab) if options.resolution is None else options.resolution,
+            resolution=resolution_of(lab) if options.resolution is None else options.resolution,
             runs=options.seeds,
         )
         for name in options.lab or ["standard"]
-        for lab, _ in _find_labs(name, options.labs)
+        for lab, _ in find_labs(name, options.labs)
     ]
     _tell(options, [task.lab for task in tasks])
     compared = list(compare_with_published(tasks, jobs=options.jobs))
     print(published_table(compared))
     return 0
-
-
-def _tasks(options: argparse.Namespace) -> list[Task]:
-    labs: list[tuple[str, str | None]] = []
-    for name in options.lab or ["standard"]:
-        labs.extend(_find_labs(name, options.labs))
-    tasks = []
-    for (lab, grid), start, prior, parameters, compass, gps, drive, seed in itertools.product(
-        labs,
-        options.start,
-        options.prior or (["told"] if options.told else ["anywhere"]),
-        options.parameters,
-        options.compass,
-        options.gps,
-        options.drive,
-        range(options.seeds),
-    ):
-        tasks.append(
-            Task(
-                lab=lab,
-                grid=grid if start == "grid" else None,
-                start=start,
-                prior="centres" if prior == "told" and start == "centres" else "anywhere",
-                parameters=parameters,
-                compass=compass == "on",
-                gps=gps,
-                seed=options.first_seed + seed,
-                drive=drive,
-                cycles=options.cycles,
-                resolution=_resolution(lab) if options.resolution is None else options.resolution,
-                kidnap=options.kidnap,
-                settle=options.settle,
-            )
-        )
-    return tasks
 
 
 def _tell(
@@ -225,105 +223,3 @@ def _tell(
     for path in dict.fromkeys(str(find_parameters(name)) for name in parameters):
         findings += parse_parameter_file(read_file(path), path).findings
     tell(findings, lambda line: print(f"{PROGRAM}: {line}", file=sys.stderr), strict=options.strict)
-
-
-def _find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
-    from ciberrato.evaluation.labs import MAPS, judged_labs
-    from ciberrato.labs import find_lab
-
-    if name == "maps":
-        return [(shipped, None) for shipped in MAPS]
-    if name == "judged":
-        if folder is None:
-            named = os.environ.get("CIBERRATO_LABS")
-            if not named:
-                raise UsageError("--lab judged: name the folder of public labs by --labs or CIBERRATO_LABS")
-            folder = Path(named)
-        if not folder.is_dir():
-            raise UsageError(f"--labs {folder}: there is no such folder")
-        found = [(str(lab.path), None if lab.grid is None else str(lab.grid)) for lab in judged_labs(folder)]
-        if not found:
-            raise UsageError(f"--labs {folder}: there are no public labs in it")
-        return found
-    find_lab(name)  # complains if there is none
-    return [(name, None)]
-
-
-@functools.cache
-def _resolution(lab: str) -> float:
-    from ciberrato.files.lab import read_lab
-    from ciberrato.labs import find_lab
-    from ciberrato.localization.tables.pose_tables import fine_resolution
-
-    return fine_resolution(read_lab(find_lab(lab)))
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = ProgramParser(
-        PROGRAM,
-        description="Run the filter in many labs, from many starts, and say how soon and how surely it knows "
-        "where it is. Runs are in lockstep, in this machine's processes or on a Dask cluster.",
-    )
-    add = parser.add_argument
-    add(
-        "--lab",
-        action="extend",
-        nargs="+",
-        metavar="LAB",
-        help="name or file; `maps`: all that ship, `judged`: the public ones by the rule; may be given again",
-    )
-    add("--labs", type=Path, metavar="DIR", help="folder of public labs; default: $CIBERRATO_LABS")
-    add(
-        "--start",
-        nargs="+",
-        choices=STARTS,
-        default=["centres"],
-        help="where robots start: in the lab's start grid, in centres of cells, anywhere; default: centres",
-    )
-    add(
-        "--prior",
-        nargs="+",
-        choices=PRIORS,
-        help="told: the filter is told that it starts in a cell's centre, where it does; default: anywhere",
-    )
-    add("--told", action="store_true", help="the same as --prior told")
-    add("--parameters", nargs="+", default=["default"], metavar="FILE", help="names or files")
-    add(
-        "--compass", nargs="+", choices=("on", "off"), default=["on"], help="with one or without; default: on"
-    )
-    add("--gps", nargs="+", choices=GPS, default=["announced"], help="announced: as the parameters say")
-    add("--drive", nargs="+", choices=DRIVES, default=["explore"], help="default: explore")
-    add("--seeds", type=int, default=10, metavar="N", help="runs of each kind; default: 10")
-    add("--first-seed", type=int, default=0, metavar="N", help="seeds are counted up from it; default: 0")
-    add("--cycles", type=int, default=800, metavar="N", help="of a run; default: 800")
-    add("--settle", type=int, default=0, metavar="N", help="end a run N cycles after its first right claim")
-    add("--resolution", type=float, metavar="UNITS", help="default: 0.1, coarser in large labs")
-    add("--kidnap", type=int, default=0, metavar="CYCLE", help="put the robot elsewhere before that cycle")
-    add(
-        "--output",
-        type=Path,
-        default=Path("evaluation.jsonl"),
-        metavar="FILE",
-        help="outcomes, added to",
-    )
-    add("--report", action="store_true", help="run nothing, sum up what the output file holds")
-    add("--replay", nargs="+", type=Path, metavar="DIR", help="run the filter over recorded sessions instead")
-    add(
-        "--published",
-        action="store_true",
-        help="hold the filter against the published method instead, from --seeds cells, without motor noise",
-    )
-    add("--by", nargs="+", choices=_GROUPS, metavar="AXIS", help=f"groups of the table: {', '.join(_GROUPS)}")
-    add(
-        "--compare",
-        nargs=2,
-        choices=DRIVES,
-        metavar="DRIVE",
-        help="compare two drives by group, where the first is slow above all",
-    )
-    add("--figures", type=Path, metavar="DIR", help="draw figures there")
-    add("--jobs", type=int, default=0, metavar="N", help="processes; default: one a core")
-    add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the tasks instead")
-    add("--strict", action="store_true", help="refuse labs, grids and parameters with warnings")
-    add("--quiet", action="store_true", help="no progress bar")
-    return parser

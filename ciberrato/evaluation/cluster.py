@@ -1,7 +1,7 @@
 """Runs tasks on the workers of a Dask cluster.
 
-The workers need this project installed, in the same version, and the lab files at the same paths; both are
-asked for before anything is run.
+The workers need this project installed, in the same version, and the lab files at the same paths, and so
+filters and drives that others wrote; all that is asked for before anything is run.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import hashlib
 import importlib
 import os
 import platform
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -55,7 +56,9 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Result | Failure
     with client:
         sent = {task: _for_workers(task) for task in tasks}
         _check_workers(client, address, list(sent.values()))
-        asked = dict(zip(client.map(attempt, list(sent.values()), pure=False), sent, strict=True))
+        asked = dict(
+            zip(client.map(attempt, list(sent.values()), folder=os.getcwd(), pure=False), sent, strict=True)
+        )
         try:
             for future in distributed.as_completed(list(asked), loop=client.loop):
                 yield _answer(future, asked.pop(future))
@@ -102,6 +105,27 @@ def _check_workers(client: Any, address: str, tasks: Sequence[Task]) -> None:
         if missing:
             more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
             raise UsageError(f"worker {worker}: no file {missing[0]}{more}")
+
+    parts = sorted({(task.filter, task.drive, task.code) for task in tasks if task.code})
+    for worker, wrong in _ask(client, address, _wrong_part, parts, os.getcwd()).items():
+        if wrong:
+            raise UsageError(f"worker {worker}: {wrong}")
+
+
+def _wrong_part(parts: Sequence[tuple[str, str, str]], folder: str) -> str | None:
+    """Say what of the filters and drives that others wrote is missing here, or is other code."""
+    from ciberrato.evaluation.judged import code_of
+
+    if parts and folder not in sys.path:
+        sys.path.append(folder)
+    for judged, drive, code in parts:
+        try:
+            there = code_of(judged, drive)
+        except UsageError as error:
+            return str(error)
+        if there != code:
+            return f"the code of {judged} and {drive} is {there} there, and {code} here"
+    return None
 
 
 def _ask(client: Any, address: str, function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:

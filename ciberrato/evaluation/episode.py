@@ -11,11 +11,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.drives.registry import DRIVES, RIGHT, make_drive, read_place
+from agent.drives.registry import DRIVES, RIGHT, make_drive, parse_drive, read_place
 from agent.drives.right.phases import Phase
+from ciberrato.evaluation.judged import BuiltInFilter, FilterSetup, Judged, OwnFilter, load_filter
 from ciberrato.evaluation.record import Record
+from ciberrato.evaluation.settings import with_settings
 from ciberrato.evaluation.starts import elsewhere, reachable, start_pose
-from ciberrato.evaluation.task import Outcome, Task
+from ciberrato.evaluation.task import BUILT_IN, Outcome, Task
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import read_parameters
 from ciberrato.labs import find_lab, find_parameters
@@ -43,7 +45,7 @@ _AT_REST = 60
 class Driver(Protocol):
     """What decides, for `run_task`."""
 
-    def __call__(self, measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
+    def __call__(self, measures: Measures, pose_filter: GridFilter | None) -> tuple[Command, str | None]:
         """Return the command, and why the drive has finished if it has."""
 
 
@@ -93,7 +95,22 @@ def run_task(task: Task) -> Outcome:
     simulation = Simulation(lab, grid, parameters, seed=task.seed)
     robot = simulation.register(RobotRegistration(name="judged", sensor_angles=tuple(enumerate(angles))))
     assert robot is not None
-    pose_filter = _pose_filter(task, lab, tables, parameters)
+    # Drives ask the project's filter, whichever is judged: so all filters see the same run.
+    asked = task.drive != RIGHT or task.filter == BUILT_IN
+    pose_filter = _pose_filter(task, lab, tables, parameters) if asked else None
+    judged: Judged
+    if task.filter == BUILT_IN:
+        assert pose_filter is not None
+        judged = BuiltInFilter(pose_filter)
+    else:
+        own = FilterSetup(
+            lab=lab,
+            parameters=parameters,
+            angles=angles,
+            start=task.prior,
+            generator=np.random.default_rng([task.seed, 0xF117E2]),
+        )
+        judged = OwnFilter(load_filter(task.filter), own)
     room = reachable(tables.lattice, start)
     driver = _driver(task, lab, parameters, angles, tables, room, generator)
     record = Record(task, start, float(room.sum()) * tables.lattice.resolution**2)
@@ -102,14 +119,16 @@ def run_task(task: Task) -> Outcome:
     command: Command | None = None
     for cycle in range(task.cycles + 1):
         begin = time.thread_time()
-        pose_filter.observe(measures, command)
-        pose_filter.estimate()  # kept by the filter for all who ask
-        middle = time.thread_time()
+        judged.observe(measures, command)
+        judged.estimate()  # kept by the filter for all who ask
+        filtered = time.thread_time() - begin
+        if pose_filter is not None and task.filter != BUILT_IN:
+            pose_filter.observe(measures, command)
+        begin = time.thread_time()
         command, finished = driver(measures, pose_filter)
-        end = time.thread_time()
-        record.times.append((middle - begin, end - middle))
+        record.times.append((filtered, time.thread_time() - begin))
         pose = simulation.poses()[0]
-        record.take(cycle, pose, pose_filter, collision=bool(measures.collision))
+        record.take(cycle, pose, judged, collision=bool(measures.collision))
         if finished == "arrived" and record.arrived is None:
             record.arrived = cycle
         if task.kidnap and cycle + 1 == task.kidnap:
@@ -122,7 +141,7 @@ def run_task(task: Task) -> Outcome:
         if _over(task, record, finished):
             break
         measures = simulation.step({robot: Actions(left_motor=command[0], right_motor=command[1])})[robot]
-    return record.outcome(simulation.robots[0].collisions, pose_filter)
+    return record.outcome(simulation.robots[0].collisions, judged)
 
 
 def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameters) -> GridFilter:
@@ -142,7 +161,7 @@ def _over(task: Task, record: Record, finished: str | None) -> bool:
 
 
 def _parameters(task: Task) -> Parameters:
-    announced = read_parameters(find_parameters(task.parameters))
+    announced = with_settings(read_parameters(find_parameters(task.parameters)), task.settings)
     return dataclasses.replace(
         announced,
         compass_sensor=task.compass,
@@ -166,15 +185,16 @@ def _driver(
 ) -> Driver:
     if task.drive == RIGHT:
         return _right_driver(parameters, angles)
-    goal = None
-    if DRIVES[task.drive].argument is read_place:
+    name, goal = (task.drive, None) if task.drive in DRIVES else parse_drive(task.drive)
+    if name in DRIVES and DRIVES[name].argument is read_place:
         roomy = np.flatnonzero(room & (tables.lattice.clearance >= 0.7))
         chosen = int(generator.choice(roomy))
         goal = (float(tables.lattice.x[chosen]), float(tables.lattice.y[chosen]))
     # In an evaluation the run goes on, to see whether the claim lasts.
-    drive = make_drive(task.drive, lab, parameters, angles, goal=goal, stop_when_localized=False)
+    drive = make_drive(name, lab, parameters, angles, goal=goal, stop_when_localized=False)
 
-    def decide(measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
+    def decide(measures: Measures, pose_filter: GridFilter | None) -> tuple[Command, str | None]:
+        assert pose_filter is not None
         decision = drive.decide(measures, pose_filter)
         return decision.command, decision.finished
 
@@ -189,7 +209,7 @@ def _right_driver(parameters: Parameters, angles: tuple[float, float, float, flo
     header = RunHeader(lab_name="", lab_sha256="", parameters=parameters, sensor_angles=angles)
     controller = Controller(header)
 
-    def decide(measures: Measures, pose_filter: GridFilter) -> tuple[Command, str | None]:
+    def decide(measures: Measures, pose_filter: GridFilter | None) -> tuple[Command, str | None]:
         _, actions = controller.observe(measures)
         if actions is None or actions.left_motor is None or actions.right_motor is None:
             return (0.0, 0.0), None

@@ -154,7 +154,10 @@ def _draw_truth(axes: Any, label: str, results: list[Result], style: dict[str, A
     # A run that ended early did so as nothing more was to happen.
     longest = max(result.task.cycles for result in results)
     length = longest // TRUTH_PERIOD + 1
-    held = [[*o.truth, *[o.truth[-1]] * (length - len(o.truth))] for o in (r.outcome for r in results)]
+    truths = [r.outcome.truth for r in results if r.outcome.truth]
+    if not truths:  # a filter that others wrote need not say
+        return
+    held = [[*truth, *[truth[-1]] * (length - len(truth))] for truth in truths]
     axes.plot(
         TRUTH_PERIOD * np.arange(length),
         np.mean(held, axis=0),

@@ -86,6 +86,33 @@ def tuning_labs(folder: Path) -> list[PublicLab]:
     return polygons[0::4][:2]
 
 
+def all_labs(folder: Path) -> list[PublicLab]:
+    """List all labs with walls in a folder and below it, each set of walls once; upper folders first."""
+    seen: set[object] = set()
+    found = []
+    for path in sorted(folder.rglob("*.xml"), key=lambda path: (len(path.parts), path)):
+        lab = _walled(path)
+        if lab is not None and _walls(lab) not in seen:
+            seen.add(_walls(lab))
+            found.append(_public_lab(path, folder))
+    return found
+
+
+def lab_in(folder: Path, name: str) -> PublicLab | None:
+    """Find a lab by its name or path in a folder, with or without ``.xml``; None if there is none."""
+    for ending in ("", ".xml"):
+        path = folder / f"{name}{ending}"
+        if path.is_file():
+            return _public_lab(path, folder)
+    return None
+
+
+def _public_lab(path: Path, folder: Path) -> PublicLab:
+    grids = [beside for beside in sorted(path.parent.glob("*.xml")) if b"<Grid" in beside.read_bytes()]
+    name = path.relative_to(folder).with_suffix("").as_posix()
+    return PublicLab(name, path, grids[0] if grids else None, b"<Row" in path.read_bytes())
+
+
 def start_grid(lab: PublicLab) -> StartGrid:
     """Read the start grid of a public lab.
 

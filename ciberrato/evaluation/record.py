@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.evaluation.judged import Judged
 from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, TRUTH_PERIOD, Outcome, Task
 from ciberrato.geometry.angles import short_turn
-from ciberrato.localization.belief.estimate import CLAIM_RADIUS, CLAIM_TURN, probability_near
-from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.belief.estimate import CLAIM_RADIUS, CLAIM_TURN
 from ciberrato.world.coordinates import Pose
 
 
@@ -55,9 +55,7 @@ class Record:
             return min(self.first_right + self.task.settle, self.task.cycles)
         return self.task.cycles
 
-    def take(
-        self, cycle: int, pose: NDArray[np.float64], pose_filter: GridFilter, *, collision: bool
-    ) -> None:
+    def take(self, cycle: int, pose: NDArray[np.float64], pose_filter: Judged, *, collision: bool) -> None:
         """Compare the filter with the true pose after a cycle.
 
         Parameters
@@ -65,7 +63,7 @@ class Record:
         cycle : int
         pose : array, shape (3,)
             The true one: units and radians.
-        pose_filter : GridFilter
+        pose_filter : Judged
         collision : bool
         """
         found = pose_filter.estimate()
@@ -84,14 +82,16 @@ class Record:
             if self.found is None and self._claim and self._right:
                 self.found = since
         if cycle % TRUTH_PERIOD == 0:
-            self._truth.append(round(probability_near(pose_filter.belief, pose[0], pose[1], pose[2]), 4))
+            held = pose_filter.probability_near(*(float(value) for value in pose))
+            if held is not None:
+                self._truth.append(round(held, 4))
 
     def rest(self) -> None:
         """End the run in what it has come to: the robot stands for good, and every cycle to come is alike."""
         self._rested = self.cycles
         for cycle in range(self.cycles + 1, self.last_cycle + 1):
             self._count(cycle)
-            if cycle % TRUTH_PERIOD == 0:
+            if cycle % TRUTH_PERIOD == 0 and self._truth:
                 self._truth.append(self._truth[-1])
 
     def _count(self, cycle: int) -> None:
@@ -108,14 +108,14 @@ class Record:
         if self._right and self.first_right is None:
             self.first_right = cycle
 
-    def outcome(self, collisions: int, pose_filter: GridFilter) -> Outcome:
+    def outcome(self, collisions: int, pose_filter: Judged) -> Outcome:
         """Sum up.
 
         Parameters
         ----------
         collisions : int
             Beginnings of collisions.
-        pose_filter : GridFilter
+        pose_filter : Judged
 
         Returns
         -------
@@ -150,5 +150,5 @@ class Record:
             filter_ms=quantiles[:, 0].tolist(),
             drive_ms=quantiles[:, 1].tolist(),
             ms_counts=counts.tolist(),
-            given_up=round(pose_filter.belief.given_up, 6),
+            given_up=round(pose_filter.given_up, 6),
         )

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from ciberrato.evaluation.attempt import Result
 from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, Outcome
 
+WIDTH = 100
+"""Characters of a table's lines."""
 SMALL_ROOM = 12.0
 """Units squared: who starts in a closed room no larger may never learn which of its like it is."""
 
@@ -72,6 +74,10 @@ def _short(value: Any, field: str) -> str:
         return "told nothing" if value == "anywhere" else f"told {value}"
     if field == "gps":
         return f"GPS {value}"
+    if field == "settings":
+        return str(value) or "as in the file"
+    if field == "code":
+        return f"code {value}" if value else "no own code"
     return str(value)
 
 
@@ -183,16 +189,50 @@ def kidnapping_line(results: Sequence[Result]) -> str | None:
 
 
 def table(groups: dict[tuple[str, ...], list[Result]]) -> str:
-    """Lay the summaries of groups out in aligned columns."""
+    """Lay the summaries of groups out in aligned columns; what all groups have in common is said above."""
+    keys = list(groups)
+    differing = [len({key[part] for key in keys}) > 1 for part in range(len(keys[0]))] if keys else []
+    common = [part for part, differs in zip(keys[0], differing, strict=True) if not differs] if keys else []
     rows = [["group", *COLUMNS]]
     for key, results in groups.items():
         figures = summary(results)
-        rows.append([" ".join(key), *(_format(figures[name], name) for name in COLUMNS)])
-    return aligned(rows)
+        shown = [part for part, differs in zip(key, differing, strict=True) if differs or len(keys) == 1]
+        rows.append([" ".join(shown), *(_format(figures[name], name) for name in COLUMNS)])
+    heading = f"all groups: {' '.join(common)}\n" if common and len(keys) > 1 else ""
+    return heading + aligned(rows)
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> str:
-    """Lay rows out in columns, the first to the left, the others to the right."""
+def aligned(rows: Sequence[Sequence[str]], width: int = WIDTH) -> str:
+    """Lay rows out in columns, the first to the left, the others to the right.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of str
+        The heading is the first.
+    width : int
+        What would be wider follows below, with the first column again.
+
+    Returns
+    -------
+    str
+        Lines of at most `width` characters, unless two columns alone are wider.
+    """
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    blocks: list[list[int]] = [[]]
+    left = width - widths[0]
+    for column in range(1, len(widths)):
+        needed = widths[column] + 2
+        if needed > left and blocks[-1]:
+            blocks.append([])
+            left = width - widths[0]
+        blocks[-1].append(column)
+        left -= needed
+    return "\n\n".join(
+        _laid_out([[row[column] for column in (0, *block)] for row in rows]) for block in blocks
+    )
+
+
+def _laid_out(rows: Sequence[Sequence[str]]) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(

@@ -178,8 +178,17 @@ def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
 
 
 def _ignore_interrupt() -> None:
-    """Leave Ctrl-C, which goes to all processes of a terminal, to the one that started this."""
+    """Leave Ctrl-C, which goes to all processes of a terminal, to the one that started this.
+
+    SIGTERM, by which that one ends us, takes away what is half written on its way.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave)
+
+
+def _leave(number: int, frame: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    raise SystemExit(128 + number)
 
 
 def _prepare(lab: str, angles: tuple[float, ...], resolution: float) -> None:

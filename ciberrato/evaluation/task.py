@@ -13,6 +13,8 @@ from agent.drives.registry import read_place
 STARTS = ("grid", "centres", "free")
 DRIVES = tuple(name for name, kind in KINDS.items() if kind.argument in (None, read_place))
 """Drives that take nothing, or a place that is chosen at random."""
+BUILT_IN = "built-in"
+"""The project's own filter."""
 PRIORS = ("told", "anywhere")
 GPS = ("announced", "on", "off")
 TRUTH_PERIOD = 10
@@ -41,7 +43,7 @@ class Task:
         Whether the robot has a compass.
     seed : int
     drive : str
-        One of `DRIVES`.
+        One of `DRIVES`, or what ``--drive`` takes for one that others wrote.
     cycles : int
         Length of the run.
     resolution : float
@@ -54,6 +56,12 @@ class Task:
         Cycles for which a run goes on after the first right claim; 0 = to its end.
     gps : {"announced", "on", "off"}
         Whether the robot has a GPS; announced = as the parameters say.
+    settings : str
+        Parameters other than those of the file: ``NAME=VALUE``, with commas between them.
+    filter : str
+        ``built-in``, or the filter that is judged in its place: name of an entry point or ``module:object``.
+    code : str
+        Digest of the sources of filter and drive, where others wrote them.
     """
 
     lab: str
@@ -70,6 +78,9 @@ class Task:
     staged: bool = True
     settle: int = 0
     gps: str = "announced"
+    settings: str = ""
+    filter: str = BUILT_IN
+    code: str = ""
 
     @property
     def key(self) -> str:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 
 from ciberrato.errors import UsageError
 from ciberrato.evaluation import cluster
+from ciberrato.evaluation.judged import code_of
 from ciberrato.evaluation.runner import read_evaluation, run_tasks
 from ciberrato.evaluation.task import Task
 
@@ -66,6 +68,27 @@ def test_a_cluster_gives_the_results_of_one_process(address, tasks, tmp_path):
     assert sorted(r.task.seed for r in read_evaluation(tmp_path / "there.jsonl").results) == [0, 1, 2]
 
 
+def test_a_filter_of_ones_own_runs_on_the_workers(address, tasks, tmp_path, monkeypatch):
+    (tmp_path / "cluster_filter.py").write_text(
+        "from types import SimpleNamespace\n"
+        "def make(setup):\n"
+        "    found = SimpleNamespace(x=3.0, y=2.0, heading=0.0, probability=0.5)\n"
+        "    return SimpleNamespace(observe=lambda measures, command: None, estimate=lambda: found)\n"
+    )
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    code = code_of("cluster_filter:make", "explore")
+    own = [dataclasses.replace(task, filter="cluster_filter:make", code=code) for task in tasks]
+    there = run_tasks(own, tmp_path / "there.jsonl", scheduler=address, progress=None)
+    assert [result.task for result in there.results] == own
+    assert all(result.outcome.first_claim is None for result in there.results)
+    other = [dataclasses.replace(task, code="0" * 12) for task in own]
+    with pytest.raises(UsageError, match=r"the code of cluster_filter:make and explore is .* there, and 000"):
+        list(cluster.on_cluster(other, address))
+    lost = [dataclasses.replace(task, filter="lost_filter:make", code=code) for task in tasks]
+    with pytest.raises(UsageError, match="filter lost_filter:make cannot be loaded"):
+        list(cluster.on_cluster(lost, address))
+
+
 def test_workers_without_the_labs_or_with_other_code_are_told_at_once(address, tasks, tmp_path, monkeypatch):
     lost = [*tasks, Task(lab=str(tmp_path / "lost_lab.xml"))]
     with pytest.raises(UsageError, match=r"no file .*lost_lab\.xml"):
@@ -84,7 +107,7 @@ def test_a_cluster_without_workers_and_none_at_all_are_told_in_a_line(tasks):
 
 
 def test_what_a_worker_raises_loses_its_own_task_only(address, tasks, monkeypatch):
-    def deadly(task):
+    def deadly(task, folder=None):
         from ciberrato.evaluation.attempt import attempt
 
         if task.seed == 1:
