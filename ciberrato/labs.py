@@ -86,6 +86,8 @@ def names(kind: str) -> list[str]:
 
 
 def _find(name_or_path: str | Path, kind: str, what: str) -> Path:
+    if not isinstance(name_or_path, str | os.PathLike):
+        raise TypeError(f"name_or_path: {name_or_path!r:.60} is neither a path nor the name of a {what}")
     text = str(name_or_path)
     # os.path takes any text, too long ones and those with a NUL included; a pipe is as good as a file.
     if os.path.exists(text) and not os.path.isdir(text):

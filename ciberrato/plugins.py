@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ciberrato.errors import UsageError, did_you_mean
+from ciberrato.reprs import short_repr
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -53,6 +54,9 @@ class Part(NamedTuple):
 
     label: str
     value: Any
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def installed(group: str) -> dict[str, list[EntryPoint]]:

@@ -102,10 +102,10 @@ class Simulation:
         sensors: Sequence[type[Sensor] | str] = (),
         compiled: bool = False,
     ) -> None:
-        self.world = World.build(lab, grid, parameters or Parameters(), compiled=compiled)
+        self.world = World.build(lab, grid, parameters, compiled=compiled)
         self.scoring: Scoring = find_scoring(scoring, SCORINGS)(self.world)
         self._kinds = (*SENSORS, *own_sensors(sensors, [sensor.name for sensor in SENSORS]))
-        self._noise = NoiseRoot.from_generator(np.random.default_rng(seed))
+        self._noise = NoiseRoot.from_seed(seed)
         self.worlds = 0
         self._machine = SimulatorStateMachine()
         self._robots: dict[int, Robot] = {}
@@ -256,7 +256,7 @@ class Simulation:
         if seed is None:
             self._noise = self._noise.next_world()
         else:
-            self._noise = NoiseRoot.from_generator(np.random.default_rng(seed))
+            self._noise = NoiseRoot.from_seed(seed)
         self._machine = SimulatorStateMachine()
         self._robots = {}
         self._sensors = {}

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.reprs import short_repr
 
 Edge = Literal["wrap", "stay", "lose"]
 """`wrap`: the axis is a circle. `stay`: mass that would leave stops in the border cell. `lose`: mass that
@@ -48,6 +49,9 @@ class Kernel(NamedTuple):
     weights: FloatArray
     dropped: float
     excess_variance: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def gaussian_kernel(mean: float, variance: float, *, tail: float = 1e-9) -> Kernel:

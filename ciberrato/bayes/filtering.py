@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import belief_array, belief_bounds, log_likelihood_array, refuse_log_likelihood
 from ciberrato.bayes.recovery import POLICIES, ImpossiblePolicy, recover
+from ciberrato.reprs import short_repr
 
 # Below this the sum of products may have lost digits to clipped terms, and the logarithms are taken instead.
 _SAFE_TOTAL = 1e-230
@@ -48,6 +49,8 @@ class Update(_Pair):
         States that are possible but whose probability is below 2.2e-308, the smallest number with all its
         digits: zero from now on, though a later reading could favour them. `LogBelief` keeps them.
     """
+
+    __repr__ = short_repr
 
     lost: int = 0
 

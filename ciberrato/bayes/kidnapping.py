@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import belief_array, whole
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +44,8 @@ class EvidenceMonitor:
     since_restart : int
         Seen since the start or the last restart.
     """
+
+    __repr__ = short_repr
 
     fast: float = 0.3
     slow: float = 0.02

@@ -23,6 +23,7 @@ from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.checks import belief_array, refuse_log_likelihood, transition_array
 from ciberrato.bayes.logbelief import LogBelief, log_total, masses_of, moved
 from ciberrato.bayes.recovery import ImpossibleReadingError
+from ciberrato.reprs import short_repr
 
 # Steps that are normalized together, and the sum below which each is normalized by itself.
 _BLOCK = 32
@@ -48,6 +49,9 @@ class Forward(NamedTuple):
     filtered: FloatArray
     log_evidence: FloatArray
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class Smoothed(NamedTuple):
     """Beliefs given the whole run.
@@ -62,6 +66,9 @@ class Smoothed(NamedTuple):
 
     smoothed: FloatArray
     forward: Forward
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def forward(

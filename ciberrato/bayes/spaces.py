@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.checks import belief_array, whole, whole_array
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +48,8 @@ class Axis:
     periodic : bool
         Whether the upper edge of the last cell is the lower edge of cell 0 again.
     """
+
+    __repr__ = short_repr
 
     name: str
     size: int
@@ -130,6 +133,8 @@ class StateSpace:
     axes : tuple of Axis
         In the order of the belief array's axes; names must differ.
     """
+
+    __repr__ = short_repr
 
     axes: tuple[Axis, ...]
 

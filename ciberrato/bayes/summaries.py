@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.checks import belief_array
 from ciberrato.bayes.spaces import StateSpace
+from ciberrato.reprs import short_repr
 
 
 def entropy_bits(belief: ArrayLike) -> float:
@@ -68,6 +69,9 @@ class Mode(NamedTuple):
     peak: tuple[int, ...]
     mass: float
     cells: int
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: float = 0.01) -> list[Mode]:
@@ -159,6 +163,9 @@ class Moments(NamedTuple):
     mean: FloatArray
     covariance: FloatArray
     concentration: FloatArray
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def moments(belief: ArrayLike, space: StateSpace) -> Moments:

@@ -19,6 +19,7 @@ from ciberrato.files.start_grid import GridFile, parse_grid_file
 from ciberrato.files.xml import read_file
 from ciberrato.files.xml_document import parse_elements
 from ciberrato.labs import find_grid, find_lab
+from ciberrato.reprs import short_repr
 
 _KIND_WORDS = re.compile(r"[ _.-]*(?:lab|grid|grd|pos)(?=$|[^a-z])|\.xml$", re.IGNORECASE)
 
@@ -38,6 +39,8 @@ class Checked:
     findings : tuple of Finding
         In order of lines.
     """
+
+    __repr__ = short_repr
 
     source: str
     kind: str

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ciberrato.geometry.walls import WallMap
 from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 
 MOST_NODES = 400_000
@@ -38,6 +39,8 @@ class FreeSpace:
     part : array of int, shape (rows, columns)
         Number of the part that a node belongs to, the largest being 0; -1 where no robot fits.
     """
+
+    __repr__ = short_repr
 
     walls: WallMap
     step: float

@@ -207,6 +207,8 @@ class SimulationChannel:
     place = "the simulation in this process"
 
     def __init__(self, simulation: SteppedSimulation) -> None:
+        if not all(callable(getattr(simulation, name, None)) for name in ("register", "launch", "step")):
+            raise UsageError(f"simulation: {simulation!r:.60} is no Simulation of simulator_stub.simulation")
         self._simulation = simulation
         self._robot = 0
         self._ready: list[Measures] = []

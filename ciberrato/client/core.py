@@ -75,6 +75,8 @@ class RobotCore:
             raise UsageError(f"name {name!r}: a robot's name has at most 200 printable characters")
         if isinstance(position, bool) or not isinstance(position, int) or position < 0:
             raise UsageError(f"position {position!r} is not a whole number, 1 or more, or 0 for any free one")
+        if not isinstance(every_cycle, bool):
+            raise UsageError(f"every_cycle {every_cycle!r} is neither True nor False")
         self.angles = _four_angles(DEFAULT_SENSOR_ANGLES if angles is None else angles)
         self.registration = RobotRegistration(
             name=name, robot_id=position, sensor_angles=tuple(enumerate(self.angles))

@@ -8,11 +8,14 @@ from pathlib import Path
 
 from ciberrato.errors import CiberratoError
 from ciberrato.evaluation.task import Outcome, Task
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
     """A task and what came of it."""
+
+    __repr__ = short_repr
 
     task: Task
     outcome: Outcome
@@ -21,6 +24,8 @@ class Result:
 @dataclass(frozen=True, slots=True)
 class Failure:
     """A task that raised an exception, and which."""
+
+    __repr__ = short_repr
 
     task: Task
     error: str

@@ -21,6 +21,7 @@ from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import Command
 from ciberrato.plugins import Part, failure, load_part
 from ciberrato.protocol import Measures
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 
@@ -43,6 +44,8 @@ class FilterSetup:
     generator : numpy Generator
         For the filter alone: a task gives the same run every time.
     """
+
+    __repr__ = short_repr
 
     lab: Lab
     parameters: Parameters

@@ -16,6 +16,7 @@ from pathlib import Path
 from ciberrato.errors import LabError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.start_grid import read_grid
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.start_grid import StartGrid
 
@@ -36,6 +37,8 @@ class PublicLab:
     rows : bool
         Whether it is a row lab.
     """
+
+    __repr__ = short_repr
 
     name: str
     path: Path

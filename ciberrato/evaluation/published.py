@@ -31,6 +31,7 @@ from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.pose_tables import COARSE
 from ciberrato.protocol import Actions, RobotRegistration
+from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
@@ -56,6 +57,8 @@ class Step:
         Probability of the true cell; and 1 if no other is as probable, 1/n if it is one of n, 0 otherwise.
     """
 
+    __repr__ = short_repr
+
     index: int
     published: tuple[float, float]
     ours: tuple[float, float]
@@ -75,6 +78,8 @@ class LabTask:
     parameters : str
     """
 
+    __repr__ = short_repr
+
     lab: str
     resolution: float
     runs: int
@@ -84,6 +89,8 @@ class LabTask:
 @dataclass(frozen=True, slots=True)
 class Compared:
     """The steps of the runs in a lab."""
+
+    __repr__ = short_repr
 
     task: LabTask
     runs: tuple[tuple[Step, ...], ...]

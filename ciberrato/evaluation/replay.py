@@ -40,6 +40,7 @@ from ciberrato.protocol import (
     decode_registration,
     decode_simulator_message,
 )
+from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
@@ -63,6 +64,8 @@ class Recording:
     truth : dict of int to (x, y, degrees)
         By time.
     """
+
+    __repr__ = short_repr
 
     angles: tuple[float, float, float, float]
     parameters: Parameters
@@ -136,6 +139,8 @@ class Moment:
         block that it wrote at this time.
     """
 
+    __repr__ = short_repr
+
     time: int
     cell: Cell
     live: tuple[float, float, float]
@@ -160,6 +165,8 @@ class Replay:
     claims, wrong : int
         Cycles in which our filter claimed to know the pose, and in which that was wrong.
     """
+
+    __repr__ = short_repr
 
     name: str
     path: Floats

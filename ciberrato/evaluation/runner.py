@@ -24,6 +24,7 @@ from ciberrato.evaluation.attempt import Failure, Result, attempt
 from ciberrato.evaluation.task import Outcome, Task
 from ciberrato.files.atomic import cut_torn_line
 from ciberrato.progress import ProgressBar
+from ciberrato.reprs import short_repr
 
 
 class Evaluation(NamedTuple):
@@ -31,6 +32,9 @@ class Evaluation(NamedTuple):
 
     results: list[Result]
     failures: list[Failure]
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def read_evaluation(path: Path) -> Evaluation:

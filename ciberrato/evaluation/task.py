@@ -9,6 +9,7 @@ from typing import Any
 
 from agent.drives.registry import DRIVES as KINDS
 from agent.drives.registry import read_place
+from ciberrato.reprs import short_repr
 
 STARTS = ("grid", "centres", "free")
 DRIVES = tuple(name for name, kind in KINDS.items() if kind.argument in (None, read_place))
@@ -63,6 +64,8 @@ class Task:
     code : str
         Digest of the sources of filter and drive, where others wrote them.
     """
+
+    __repr__ = short_repr
 
     lab: str
     grid: str | None = None
@@ -143,6 +146,8 @@ class Outcome:
     given_up : float
         Weight of the states that the filter gave up as too unlikely.
     """
+
+    __repr__ = short_repr
 
     cycles: int
     start: list[float]

@@ -17,6 +17,7 @@ import numpy as np
 from ciberrato.arrays import Floats
 from ciberrato.errors import LabError
 from ciberrato.files.atomic import replace_file
+from ciberrato.reprs import short_repr
 
 MIN_PRECISION, MAX_PRECISION = 2, 17
 _VALUE = re.compile(r"\S+")
@@ -36,6 +37,8 @@ class BeliefRun:
     decimals : int
         The most decimals of any value: how fine the file tells probabilities.
     """
+
+    __repr__ = short_repr
 
     beliefs: Floats
     first_line: int

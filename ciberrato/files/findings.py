@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from ciberrato.reprs import short_repr
+
 SEVERITIES = ("error", "warning", "note")
 
 
@@ -34,6 +36,8 @@ class Finding:
     place : (float, float) or None
         Where in the lab it is, in units.
     """
+
+    __repr__ = short_repr
 
     severity: str
     kind: str

@@ -15,6 +15,7 @@ from ciberrato.files.vocabulary import LAB, check_attributes, check_place, check
 from ciberrato.files.xml import Reader, read_file
 from ciberrato.files.xml_document import Element, parse_elements
 from ciberrato.geometry.angles import bearing, wrap_once
+from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Point
 from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
 
@@ -57,6 +58,8 @@ class LabFile:
     from_rows : tuple of bool
         Of each wall, whether a row draws it.
     """
+
+    __repr__ = short_repr
 
     lab: Lab
     source: str

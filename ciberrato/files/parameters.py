@@ -11,6 +11,7 @@ from ciberrato.errors import nearest_name
 from ciberrato.files.findings import Finding, warnings_of
 from ciberrato.files.xml import Reader, read_file
 from ciberrato.files.xml_document import Element, parse_elements
+from ciberrato.reprs import short_repr
 from ciberrato.world.parameter_names import FILE_NAMES, INTEGERS, REALS, SWITCHES
 from ciberrato.world.parameters import Parameters
 
@@ -50,6 +51,8 @@ class ParameterFile:
     lines : dict of str to int
         The line of each attribute.
     """
+
+    __repr__ = short_repr
 
     parameters: Parameters
     source: str
@@ -145,6 +148,8 @@ def parse_parameter_file(
     data: bytes, source: str = "parameters", defaults: Parameters | None = None
 ) -> ParameterFile:
     """Read parameters, and what is odd in their file; see `parse_parameters_with_warnings`."""
+    if defaults is not None and not isinstance(defaults, Parameters):
+        raise TypeError(f"defaults: {defaults!r:.60} is not a Parameters")
     elements = parse_elements(data, source, "a parameter")
     reader = Reader(source)
     parameters = Parameters() if defaults is None else defaults

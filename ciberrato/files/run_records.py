@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ciberrato.protocol.messages import Measures
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import CELL_SIZE
 from ciberrato.world.parameters import Parameters
 
@@ -52,6 +53,8 @@ class RunHeader:
     precision : int
         Decimals of the probabilities in the output file.
     """
+
+    __repr__ = short_repr
 
     format_version: int = FORMAT_VERSION
     lab_name: str
@@ -117,6 +120,8 @@ class Cycle:
         only; then each is the newest there is.
     """
 
+    __repr__ = short_repr
+
     time: int
     start: bool = False
     stop: bool = False
@@ -177,6 +182,8 @@ class Step:
         Standard deviations of the last three, in their units.
     """
 
+    __repr__ = short_repr
+
     index: int
     time: int
     readings: Readings
@@ -196,6 +203,8 @@ class RecordedRun:
     cycles : tuple of Cycle
         In the order of the messages.
     """
+
+    __repr__ = short_repr
 
     header: RunHeader
     cycles: tuple[Cycle, ...] = ()

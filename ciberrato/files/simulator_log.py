@@ -2,8 +2,7 @@
 
 A log is one XML document: parameters, lab, start grid, and a LogInfo for each running cycle, which holds the
 state after that many cycles and the actions that lead to the next one. It is read in pieces, so that long
-logs need no more memory than their records. A log that ends early, as that of a simulator that was killed, is
-read as far as it goes.
+logs need no more memory than their records; one that ends early, as of a killed simulator, as far as it goes.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from ciberrato.protocol.lab_text import grid_from_element, lab_from_element
 from ciberrato.protocol.measures_text import measures_from_element
 from ciberrato.protocol.text import required, strict_integer, strict_real
 from ciberrato.protocol.xmltree import Element
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -36,8 +36,7 @@ PIECE = 1 << 16
 """Bytes read at a time."""
 
 _SIGN_BIT = 2**31
-_DEEPEST = 8
-"""How deep a log is nested: a log of ours is 5 deep."""
+_DEEPEST = 8  # how deep a log is nested; one of ours is 5 deep
 _NOT_UTF8 = re.compile("[\udc80-\udcff]")
 
 
@@ -68,6 +67,8 @@ class LoggedRobot:
         and score. The LEDs are those after the actions.
     """
 
+    __repr__ = short_repr
+
     robot_id: int
     name: str
     state: str
@@ -96,6 +97,8 @@ class LogRecord:
         In order of their ids.
     """
 
+    __repr__ = short_repr
+
     time: int
     robots: tuple[LoggedRobot, ...]
 
@@ -120,6 +123,8 @@ class LogHeader:
     grid : StartGrid
     """
 
+    __repr__ = short_repr
+
     date: str
     parameters: Parameters
     n_beacons: int
@@ -139,6 +144,8 @@ class SimulatorLog:
     complete : bool
         Whether the log has its end; False where the simulator was killed.
     """
+
+    __repr__ = short_repr
 
     header: LogHeader
     records: tuple[LogRecord, ...]

@@ -9,6 +9,7 @@ from ciberrato.files.findings import Finding, warnings_of
 from ciberrato.files.vocabulary import GRID, check_attributes, check_place, check_unknown_element
 from ciberrato.files.xml import Reader, read_file
 from ciberrato.files.xml_document import parse_elements
+from ciberrato.reprs import short_repr
 from ciberrato.world.start_grid import GridPosition, StartGrid
 
 
@@ -26,6 +27,8 @@ class GridFile:
     lines : tuple of int
         The line of each position.
     """
+
+    __repr__ = short_repr
 
     grid: StartGrid
     source: str

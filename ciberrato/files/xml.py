@@ -8,6 +8,7 @@ what is not XML at all is refused. What is passed over is reported as a finding 
 from __future__ import annotations
 
 import math
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.findings import Finding
 from ciberrato.files.xml_document import Element
+from ciberrato.reprs import short_repr
 
 MAX_FILE_SIZE = 16 * 2**20
 """Bytes; a larger file is refused before it is parsed."""
@@ -39,6 +41,8 @@ class Reader:
     findings : list of Finding
         In the order in which they were met.
     """
+
+    __repr__ = short_repr
 
     source: str
     findings: list[Finding] = field(default_factory=list)
@@ -169,6 +173,8 @@ def read_file(path: str | Path) -> bytes:
     LabError
         If it is larger than `MAX_FILE_SIZE`.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"path: {path!r:.60} is not the path of a file")  # open() would take 0 for stdin
     try:
         with open(path, "rb") as file:
             data = file.read(MAX_FILE_SIZE + 1)

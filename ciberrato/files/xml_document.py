@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ciberrato.errors import LabError
+from ciberrato.reprs import short_repr
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -46,6 +47,8 @@ class Element:
     text : str
         Character data directly inside, without blanks around it.
     """
+
+    __repr__ = short_repr
 
     name: str
     attributes: dict[str, str]

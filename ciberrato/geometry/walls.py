@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ciberrato.arrays import Booleans, Floats
 from ciberrato.geometry.nearest_faces import NearbyFaces
 from ciberrato.geometry.visible_faces import ViewLists
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab, Wall
 
 _BLOCK_ELEMENTS = 2**15
@@ -43,6 +44,8 @@ class WallMap:
     polygons : tuple of array, shape (n, 2)
         Corners of every wall of the lab but the border, of any height: what the line sensor sees.
     """
+
+    __repr__ = short_repr
 
     width: float
     height: float

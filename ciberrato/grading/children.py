@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from ciberrato.reprs import short_repr
+
 _SET_DEATH_SIGNAL, _SET_SUBREAPER = 1, 36
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
@@ -20,6 +22,9 @@ class Usage(NamedTuple):
 
     threads: int
     memory: int
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def adopt_orphans() -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ciberrato.errors import UsageError
 from ciberrato.grading.standing import Standing
+from ciberrato.reprs import short_repr
 
 CONFIDENCE = 0.95
 
@@ -27,6 +28,8 @@ class Comparison:
     better, worse : int
         Pairs in which the first has more points, and fewer.
     """
+
+    __repr__ = short_repr
 
     pairs: int
     mean: float

@@ -15,6 +15,7 @@ from ciberrato.files.xml import read_file
 from ciberrato.grading.expressions import Formula
 from ciberrato.grading.fields import Fields
 from ciberrato.labs import find_grid, find_lab, find_parameters
+from ciberrato.reprs import short_repr
 
 PLACEHOLDERS = ("{host}", "{port}", "{pos}", "{lab}", "{name}", "{seed}")
 
@@ -44,6 +45,8 @@ class Agent:
     environment : tuple of (str, str)
     """
 
+    __repr__ = short_repr
+
     name: str
     command: tuple[str, ...]
     folder: Path | None = None
@@ -69,6 +72,8 @@ class GradedLab:
     position : int
         In the start grid, from 1.
     """
+
+    __repr__ = short_repr
 
     name: str
     lab: Path
@@ -106,6 +111,8 @@ class Limits:
         Seconds without an answer, by the simulation's clock, after which the run ends.
     """
 
+    __repr__ = short_repr
+
     time: float = 300.0
     registration: float = 20.0
     build: float = 300.0
@@ -131,6 +138,8 @@ class Points:
         Points from which a run passes, for JUnit; None = whatever does not fail.
     """
 
+    __repr__ = short_repr
+
     formula: Formula
     maximum: float | None = None
     passing: float | None = None
@@ -155,6 +164,8 @@ class Course:
     readable : tuple of Path
         What a sandbox shows besides the system and Python.
     """
+
+    __repr__ = short_repr
 
     title: str
     agents: tuple[Agent, ...]

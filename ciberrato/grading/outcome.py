@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ciberrato.files.map_scores import mapping_score, planning_score
+from ciberrato.reprs import short_repr
 
 MOST_MAP = 1 << 20
 
@@ -39,6 +40,8 @@ class Outcome:
         Points of the agent's mapping.out and planning.out by the courses' rules; None where the scoring mode
         asks for none.
     """
+
+    __repr__ = short_repr
 
     status: str
     detail: str = ""

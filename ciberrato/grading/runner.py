@@ -22,6 +22,7 @@ from ciberrato.grading.launch import Launcher, RunError
 from ciberrato.grading.outcome import Outcome
 from ciberrato.grading.task import Task
 from ciberrato.progress import ProgressBar
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,8 @@ class Graded:
         ``wall`` (seconds), ``memory`` (bytes), ``threads``, ``output`` (bytes), ``exit``, ``signal``,
         ``tail`` (the last words); some may be missing.
     """
+
+    __repr__ = short_repr
 
     task: Task
     outcome: Outcome

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from ciberrato.errors import UsageError
 from ciberrato.grading.course import Course
 from ciberrato.grading.runner import Graded
+from ciberrato.reprs import short_repr
 
 EQUAL = 1e-6
 
@@ -34,6 +35,8 @@ class Standing:
     runs : list of (Graded, float)
         With their points, in the course's order.
     """
+
+    __repr__ = short_repr
 
     place: int
     agent: str

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ciberrato.grading.course import Agent, Course, GradedLab, parameters_document
 from ciberrato.grading.workspace import digest_folder
+from ciberrato.reprs import short_repr
 from ciberrato.version import __version__
 
 FORMAT = 1
@@ -28,6 +29,8 @@ class Task:
     file : str
         Name of its recording, without the suffix.
     """
+
+    __repr__ = short_repr
 
     agent: Agent
     lab: GradedLab

@@ -15,6 +15,7 @@ from ciberrato.files.row_pattern import row_walls
 from ciberrato.geometry.walls import WallMap
 from ciberrato.labtool.maze import all_doors, random_doors, row_patterns, symmetric_doors
 from ciberrato.protocol.text import attribute
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
 
 TRIES = 60
@@ -46,6 +47,8 @@ class Order:
         all.
     """
 
+    __repr__ = short_repr
+
     name: str = "Random"
     rows: int = 7
     columns: int = 14
@@ -66,6 +69,8 @@ class Made:
     lab : Lab
     lab_xml, grid_xml : str
     """
+
+    __repr__ = short_repr
 
     lab: Lab
     lab_xml: str

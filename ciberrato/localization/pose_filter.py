@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
+from ciberrato.errors import UsageError
+from ciberrato.localization.arguments import check_arguments, check_seconds
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.evidence.start_prior import ANYWHERE, StartPrior, check_start, parse_start
 from ciberrato.localization.live.live_filter import LiveFilter
@@ -21,12 +23,12 @@ from ciberrato.localization.records import FilterSettings
 from ciberrato.localization.tables.worker import TableWorker
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 """Mounting angles of the IR sensors in degrees, the simulator's defaults."""
-_SENSORS = 4
 MOST_MISSING = 500
 """Cycles; after a longer gap nothing is left of what was known, and the filter begins anew, anywhere."""
 _LATE = 50  # cycles; a time farther back than a late message can be is that of a new simulation
@@ -56,6 +58,8 @@ class Estimate:
     behind : int
         Messages that are not weighed yet, for lack of time or tables; dead reckoning stands in for them.
     """
+
+    __repr__ = short_repr
 
     time: int | None
     x: float
@@ -100,7 +104,7 @@ class PoseFilter:
     Raises
     ------
     ValueError
-        If `lab` is not a Lab, `angles` are not four finite numbers, or `budget` is not above 0.
+        If an argument is something else than it says; the message begins with its name.
     UsageError
         If `start` cannot be read or is no free place in the lab.
 
@@ -124,13 +128,11 @@ class PoseFilter:
         tables: TableWorker | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        if not isinstance(lab, Lab):
-            raise ValueError(f"lab: {lab!r} is not a Lab; read_lab(find_lab(NAME)) reads one")
-        if len(angles) != _SENSORS or not all(math.isfinite(angle) for angle in angles):
-            raise ValueError(f"angles: {angles!r} are not the mounting angles of four IR sensors, in degrees")
-        if budget is not None and not budget > 0.0:
-            raise ValueError(f"budget: {budget!r} seconds leave no time for any message")
-        prior = parse_start(start) if isinstance(start, str) else start
+        mounted = check_arguments(lab, parameters, angles, start, settings, wait, budget, tables, clock)
+        try:
+            prior = parse_start(start) if isinstance(start, str) else start
+        except UsageError as error:
+            raise UsageError(f"start: {error}") from None
         check_start(prior, lab)
         self.lab = lab
         self.parameters = parameters
@@ -138,7 +140,7 @@ class PoseFilter:
         self._settings = settings
         self._budget = math.inf if wait and budget is None else budget
         self._clock = clock
-        self._tables = tables or TableWorker(lab, tuple(float(angle) for angle in angles))
+        self._tables = tables or TableWorker(lab, mounted)
         self._is_own = tables is None
         self._started = not self._is_own
         self._closed = False
@@ -188,6 +190,8 @@ class PoseFilter:
             Whatever stopped the computation.
         """
         self.start()
+        if timeout is not None:
+            check_seconds("timeout", timeout)
         until = None if timeout is None else time.monotonic() + timeout
         for ready in (self._tables.wait, self._tables.wait_for_loops):
             if not ready(None if until is None else max(until - time.monotonic(), 0.0)):
@@ -249,8 +253,10 @@ class PoseFilter:
 
     def feed(self, measures: Measures, command: Command | None = None) -> None:
         """Take in a message as `observe` does, without working out the estimate."""
+        if not isinstance(measures, Measures):
+            raise TypeError(f"measures: {measures!r:.60} is not a Measures")
         if command is not None and not _is_command(command):
-            raise ValueError(f"command: {command!r} is not the command of two motors")
+            raise ValueError(f"command: {command!r:.60} is not the command of two motors")
         _check_readings(measures)
         if self._time is not None and measures.time < self._time:
             if self._time - measures.time > _LATE or measures.time == 0:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import BeaconReading, Measures
+from ciberrato.reprs import short_repr
 
 """Left and right motor command, units a cycle."""
 Input = tuple[Measures, Command | None]
@@ -42,6 +43,8 @@ class FilterSettings:
         Evidence for the belief that a cycle must bring, so as not to count against it.
     """
 
+    __repr__ = short_repr
+
     exponent: float = 0.4
     least_exponent: float = 0.02
     place_spread: float = 1.5
@@ -62,6 +65,9 @@ class Motion(NamedTuple):
     right: float
     collision: bool | None
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class FilterStep(NamedTuple):
     """What the filter made of a message: the motions before it, what was sensed, and how far to trust it."""
@@ -73,3 +79,6 @@ class FilterStep(NamedTuple):
     exponent: float
     time: int
     beacons: tuple[BeaconReading, ...] = ()
+
+    def __repr__(self) -> str:
+        return short_repr(self)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from ciberrato.errors import CiberratoError
+from ciberrato.reprs import short_repr
 
 
 class LinkError(CiberratoError):
@@ -29,6 +30,9 @@ class Arrival(NamedTuple):
 
     data: bytes
     time: float | None
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class Link(Protocol):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ciberrato.arrays import Floats
+from ciberrato.reprs import short_repr
 
 VERSION = 1
 """Version of the format; a viewer refuses others."""
@@ -44,6 +45,8 @@ class Shape:
         Seconds after which it disappears unless sent again; None = never.
     """
 
+    __repr__ = short_repr
+
     id: str
     color: str | None = None
     label: str = ""
@@ -58,6 +61,8 @@ class Circle(Shape):
     ----------
     x, y, radius : float
     """
+
+    __repr__ = short_repr
 
     x: float
     y: float
@@ -74,6 +79,8 @@ class Line(Shape):
         At least two.
     """
 
+    __repr__ = short_repr
+
     points: tuple[tuple[float, float], ...]
 
 
@@ -86,6 +93,8 @@ class Polygon(Shape):
     points : tuple of (x, y)
         At least two.
     """
+
+    __repr__ = short_repr
 
     points: tuple[tuple[float, float], ...]
 
@@ -100,6 +109,8 @@ class Arrow(Shape):
     direction : float
         Degrees, counter-clockwise from +x.
     """
+
+    __repr__ = short_repr
 
     x: float
     y: float
@@ -120,6 +131,8 @@ class Ellipse(Shape):
         Degrees, counter-clockwise from +x.
     """
 
+    __repr__ = short_repr
+
     x: float
     y: float
     radii: tuple[float, float]
@@ -137,6 +150,8 @@ class Text(Shape):
     text : str
     """
 
+    __repr__ = short_repr
+
     x: float
     y: float
     text: str
@@ -152,6 +167,8 @@ class PoseMark(Shape):
     direction : float
         Degrees, counter-clockwise from +x.
     """
+
+    __repr__ = short_repr
 
     x: float
     y: float
@@ -182,6 +199,8 @@ class GridBelief:
         Left, bottom, right and top of the grid in units; None = the whole lab.
     """
 
+    __repr__ = short_repr
+
     cells: Floats
     extent: tuple[float, float, float, float] | None = None
 
@@ -207,6 +226,8 @@ class OverlayMessage:
     clear : bool
         Take away everything that this source has shown before looking at the rest.
     """
+
+    __repr__ = short_repr
 
     source: str
     robot: int | None = None

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -30,6 +31,8 @@ class RobotRegistration:
     sensor_angles : tuple of (int, float)
         (IR sensor id, mounting angle in degrees, counter-clockwise from the front), as sent.
     """
+
+    __repr__ = short_repr
 
     name: str | None = None
     robot_id: int = 0
@@ -57,6 +60,8 @@ class RobotBeaconRegistration:
     height : float
         Height of the beacon.
     """
+
+    __repr__ = short_repr
 
     name: str | None = None
     robot_id: int = 0
@@ -94,6 +99,8 @@ class Actions:
     reset : bool
         Ask the simulator to start the world again.
     """
+
+    __repr__ = short_repr
 
     left_motor: float | None = None
     right_motor: float | None = None
@@ -142,6 +149,8 @@ class RemoveRobot:
     robot_id : int
     """
 
+    __repr__ = short_repr
+
     robot_id: int
 
 
@@ -166,6 +175,8 @@ class Acceptance:
         Number of beacons in the lab.
     """
 
+    __repr__ = short_repr
+
     parameters: Parameters
     n_beacons: int = 0
 
@@ -182,6 +193,8 @@ class BeaconReading:
         Degrees from the robot's heading; None = not visible.
     """
 
+    __repr__ = short_repr
+
     beacon: int
     bearing: float | None
 
@@ -196,6 +209,8 @@ class HeardMessage:
         The speaker's position number.
     text : str
     """
+
+    __repr__ = short_repr
 
     sender: int
     text: str
@@ -218,6 +233,8 @@ class ScoreReading:
         One digit a target.
     """
 
+    __repr__ = short_repr
+
     score: int = 0
     arrival_time: int = 0
     returning_time: int = 0
@@ -237,6 +254,8 @@ class OtherReading:
     values : tuple of (str, str)
         Its attributes, as on the wire.
     """
+
+    __repr__ = short_repr
 
     name: str
     values: tuple[tuple[str, str], ...]
@@ -285,6 +304,8 @@ class Measures:
         Sensors that this protocol does not know; `other` looks one up.
     """
 
+    __repr__ = short_repr
+
     time: int
     start: bool = False
     stop: bool = False
@@ -329,6 +350,8 @@ class RobotStatus:
     direction : float
         True heading in degrees.
     """
+
+    __repr__ = short_repr
 
     name: str
     robot_id: int

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from ciberrato.errors import ProtocolError
 from ciberrato.protocol.text import attribute, general, strict_integer, strict_real
 from ciberrato.world.parameter_names import FILE_NAMES, INTEGERS, REALS, SWITCHES
 from ciberrato.world.parameters import Parameters
@@ -140,7 +141,11 @@ def decode_parameters(attributes: Mapping[str, str]) -> tuple[Parameters, int]:
             values["show_actions"] = text == "True"
         elif name == "NBeacons":
             n_beacons = strict_integer(text, place)
-    return Parameters(**values), n_beacons  # type: ignore[arg-type]  # the tables above give each field its type
+    try:
+        # The tables above give each field its type.
+        return Parameters(**values), n_beacons  # type: ignore[arg-type]
+    except ValueError as error:
+        raise ProtocolError(f"Parameters {error}") from None
 
 
 def _on(switch: bool) -> str:

@@ -31,6 +31,7 @@ from ciberrato.protocol import (
     decode_simulator_message,
     encode,
 )
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.start_grid import StartGrid
 
@@ -65,6 +66,8 @@ class Outgoing:
     registration : bool
         To the main port; otherwise to the port that answered.
     """
+
+    __repr__ = short_repr
 
     data: bytes
     registration: bool = False

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.overlay import KINDS, GridBelief, OverlayMessage, Shape
+from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Point
 from ciberrato.world.lab import Lab
 
@@ -47,6 +48,8 @@ class StoredBelief:
         Probability of the cell of that place.
     extent : tuple of four float, or None
     """
+
+    __repr__ = short_repr
 
     time: int
     levels: NDArray[np.uint16]

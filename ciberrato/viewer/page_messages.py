@@ -10,6 +10,7 @@ from typing import Any
 
 from ciberrato.errors import CiberratoError
 from ciberrato.protocol import RobotStatus
+from ciberrato.reprs import short_repr
 from ciberrato.viewer.timeline import Mark
 from ciberrato.viewer.world import Frame
 from ciberrato.world.lab import Lab
@@ -34,6 +35,8 @@ class PageError(CiberratoError):
 class Control:
     """The page wants the simulator to do something: ``start``, ``stop``, ``reset`` or ``remove`` a robot."""
 
+    __repr__ = short_repr
+
     do: str
     robot: int = 0
 
@@ -41,6 +44,8 @@ class Control:
 @dataclass(frozen=True, slots=True)
 class AskFrames:
     """The page asks for frames, from one time to another, at most so many."""
+
+    __repr__ = short_repr
 
     first: int
     last: int
@@ -51,12 +56,16 @@ class AskFrames:
 class AskMarks:
     """The page asks for the marks after the first `skip`."""
 
+    __repr__ = short_repr
+
     skip: int
 
 
 @dataclass(frozen=True, slots=True)
 class AskBelief:
     """The page asks for the belief in effect at a time."""
+
+    __repr__ = short_repr
 
     source: str
     time: int
@@ -65,6 +74,8 @@ class AskBelief:
 @dataclass(frozen=True, slots=True)
 class AskSeries:
     """The page asks for the entropy and the like of all beliefs of a source."""
+
+    __repr__ = short_repr
 
     source: str
 

@@ -23,6 +23,7 @@ from websockets.http11 import Request, Response
 
 from ciberrato.errors import UsageError
 from ciberrato.net.link import Link, LinkClosedError, LinkError
+from ciberrato.reprs import short_repr
 from ciberrato.viewer.connection import Outgoing
 from ciberrato.viewer.outbox import Outbox
 from ciberrato.viewer.page_messages import MOST_COMMAND_BYTES, Control, PageError, read_page_message
@@ -55,6 +56,8 @@ class Browser:
     room : asyncio.Event
         Set when an answer was sent.
     """
+
+    __repr__ = short_repr
 
     outbox: Outbox
     news: asyncio.Event

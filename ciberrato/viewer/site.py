@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlsplit
 
+from ciberrato.reprs import short_repr
+
 SOCKET_PATH = "/socket"
 
 _TYPES = {
@@ -52,6 +54,8 @@ class Answer:
     headers : tuple of (name, value)
     body : bytes
     """
+
+    __repr__ = short_repr
 
     status: http.HTTPStatus
     headers: tuple[tuple[str, str], ...]

@@ -6,6 +6,7 @@ import bisect
 from dataclasses import dataclass
 
 from ciberrato.protocol import RobotStatus
+from ciberrato.reprs import short_repr
 from ciberrato.viewer.world import Frame
 
 MOST_FRAMES = 8192
@@ -29,6 +30,8 @@ class Mark:
     robot : int
         Its id, 0 = none in particular.
     """
+
+    __repr__ = short_repr
 
     time: int
     kind: str

@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from ciberrato.protocol import Acceptance, Restart, RobotStatus, SimulatorMessage
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -29,6 +30,8 @@ class Frame:
     robots : tuple of RobotStatus
         In order of their ids, removed ones included.
     """
+
+    __repr__ = short_repr
 
     time: int
     phase: str

@@ -6,9 +6,12 @@ left corner. Reading lab files is `ciberrato.files.lab`; computing with walls is
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Point
+from ciberrato.world.fields import check_number, check_text, make_points, make_tuple
 
 CELL_SIZE = 2.0
 BORDER_HEIGHT = 4.0
@@ -26,9 +29,15 @@ class Beacon:
         Walls of at least this height hide it.
     """
 
+    __repr__ = short_repr
+
     x: float = 0.0
     y: float = 0.0
     height: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y", "height"):
+            check_number(name, getattr(self, name))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,9 +50,15 @@ class Target:
         In units.
     """
 
+    __repr__ = short_repr
+
     x: float = 0.0
     y: float = 0.0
     radius: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y", "radius"):
+            check_number(name, getattr(self, name))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +73,14 @@ class Wall:
         At least three, counter-clockwise, the first not repeated.
     """
 
+    __repr__ = short_repr
+
     height: float = 4.0
     corners: tuple[Point, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_number("height", self.height)
+        make_points(self, "corners")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +102,19 @@ class Lab:
     beacons: tuple[Beacon, ...] = ()
     targets: tuple[Target, ...] = ()
     walls: tuple[Wall, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_text("name", self.name)
+        for name in ("width", "height"):
+            check_number(name, getattr(self, name))
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name}: {getattr(self, name)!r} is not a length")
+        for name, kind in (("beacons", Beacon), ("targets", Target), ("walls", Wall)):
+            make_tuple(self, name, kind)
+
+    def __repr__(self) -> str:
+        beside = f"{len(self.walls)} walls, {len(self.beacons)} beacons, {len(self.targets)} targets"
+        return f"<Lab {self.name[:60]!r} {self.width:g} x {self.height:g}, {beside}>"
 
     @property
     def border(self) -> Wall:

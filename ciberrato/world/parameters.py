@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from ciberrato.world.fields import (
+    check_noise,
+    check_number,
+    check_probability,
+    check_switch,
+    check_text,
+    check_whole,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,3 +93,24 @@ class Parameters:
     home_reward: int = 100
     lab_file: str | None = None
     grid_file: str | None = None
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            name, value = field.name, getattr(self, field.name)
+            if field.type == "float":
+                noise, probability = name.endswith("_noise"), name.endswith("_probability")
+                (check_noise if noise else check_probability if probability else check_number)(name, value)
+            elif field.type == "int":
+                check_whole(name, value)
+            elif field.type == "bool":
+                check_switch(name, value)
+            elif value is not None:
+                check_text(name, value)
+
+    def __repr__(self) -> str:
+        default = {field.name: field.default for field in fields(self)}
+        other = [
+            f"{name}={getattr(self, name)!r:.40}" for name in default if getattr(self, name) != default[name]
+        ]
+        shown = ", ".join(other[:4])
+        return f"Parameters({shown}{f', ... {len(other)} in all' if len(other) > 4 else ''})"

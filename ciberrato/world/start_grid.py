@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+from ciberrato.reprs import short_repr
+from ciberrato.world.fields import check_number, make_tuple
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,9 +21,20 @@ class GridPosition:
         Heading in degrees, counter-clockwise from +x, as written in the file (it may lie outside ±180).
     """
 
+    __repr__ = short_repr
+
     x: float = 0.0
     y: float = 0.0
     direction: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y", "direction"):
+            check_number(name, getattr(self, name))
+
+    @property
+    def heading(self) -> float:
+        """The direction in radians, as poses have it."""
+        return self.direction * math.pi / 180.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,3 +47,10 @@ class StartGrid:
     """
 
     positions: tuple[GridPosition, ...] = ()
+
+    def __post_init__(self) -> None:
+        make_tuple(self, "positions", GridPosition)
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"({p.x:g}, {p.y:g}, {p.direction:g}°)" for p in self.positions[:4])
+        return f"<StartGrid of {len(self.positions)}: {shown}{', ...' * (len(self.positions) > 4)}>"

@@ -48,6 +48,17 @@ class NoiseRoot:
         """Draw the seed of all streams; this is the only use of the simulation's generator."""
         return cls(tuple(int(word) for word in generator.integers(0, 2**32, size=4, dtype=np.uint64)))
 
+    @classmethod
+    def from_seed(cls, seed: int | np.random.Generator) -> NoiseRoot:
+        """Draw the seed of all streams from a seed or a generator; TypeError if it is neither."""
+        if isinstance(seed, np.random.Generator):
+            return cls.from_generator(seed)
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
+            raise TypeError(f"seed: {seed!r:.60} is neither a whole number nor a numpy Generator")
+        if seed < 0:
+            raise ValueError(f"seed: {seed!r} is below 0")
+        return cls.from_generator(np.random.default_rng(int(seed)))
+
     def next_world(self) -> NoiseRoot:
         """Return the seed of the world after a Reset."""
         return NoiseRoot(self.entropy, self.world + 1)

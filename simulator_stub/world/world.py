@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 
+from ciberrato.errors import UsageError
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import distances_at
 from ciberrato.world.lab import Lab
@@ -42,13 +43,27 @@ class World:
     _hiding: dict[float, WallMap] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def build(cls, lab: Lab, grid: StartGrid, parameters: Parameters, *, compiled: bool = False) -> World:
-        """Put the pieces together and index the walls."""
+    def build(
+        cls, lab: Lab, grid: StartGrid, parameters: Parameters | None, *, compiled: bool = False
+    ) -> World:
+        """Put the pieces together and index the walls; TypeError names what is something else."""
+        parameters = Parameters() if parameters is None else parameters
+        for name, value, kind in (
+            ("lab", lab, Lab),
+            ("grid", grid, StartGrid),
+            ("parameters", parameters, Parameters),
+        ):
+            if not isinstance(value, kind):
+                raise TypeError(f"{name}: {value!r:.60} is not a {kind.__name__}")
+        if not isinstance(compiled, bool):
+            raise TypeError(f"compiled: {compiled!r:.60} is neither True nor False")
         walls, floor = _index(lab)
         distances: Distances = partial(distances_at, walls)
         if compiled:
-            from ciberrato.infrared.cone_compiled import compiled_distances
-
+            try:
+                from ciberrato.infrared.cone_compiled import compiled_distances
+            except ImportError:
+                raise UsageError("compiled=True needs numba: pip install 'ciberrato[fast]'") from None
             distances = compiled_distances(walls)
         return cls(lab=lab, grid=grid, parameters=parameters, walls=walls, floor=floor, distances=distances)
 

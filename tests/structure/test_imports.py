@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 ROOTS = ("ciberrato", "agent", "simulator_stub")  # what is installed
 PACKAGES = (*ROOTS, "examples", "benchmarks")
 # The rooms of the library, and which others each may import.
-WORLD = {"arrays", "errors", "world"}
+WORLD = {"arrays", "errors", "reprs", "world"}
 SHAPES = WORLD | {"geometry", "physics"}
 LIBRARY = {
     "version": set(),
@@ -27,17 +27,18 @@ LIBRARY = {
     "processes": set(),
     "progress": set(),
     "plaintext": set(),
-    "plugins": {"bayes", "errors"},
-    "world": {"errors"},
+    "reprs": set(),
+    "plugins": {"bayes", "errors", "reprs"},
+    "world": {"errors", "reprs"},
     "labs": {"errors"},
     "geometry": WORLD,
     "physics": WORLD | {"geometry"},
-    "bayes": set(),
+    "bayes": {"reprs"},
     "infrared": SHAPES | {"bayes"},
     "protocol": WORLD,
     "files": WORLD | {"geometry", "protocol"},
-    "overlay": {"arrays", "errors"},
-    "net": {"errors", "overlay", "protocol"},
+    "overlay": {"arrays", "errors", "reprs"},
+    "net": {"errors", "overlay", "protocol", "reprs"},
     "client": WORLD | {"files", "labs", "localization", "net", "protocol"},
     "croblink": {"client", "errors", "net", "protocol"},
     "localization": SHAPES | {"infrared", "processes", "protocol"},

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray
 from ciberrato.bayes.motion.inputs import check_belief, whole_number
+from ciberrato.reprs import short_repr
 
 Direction = Literal["east", "west", "north", "south"]
 BlockedPolicy = Literal["stay", "lose"]
@@ -44,6 +45,8 @@ class Openings:
     north : BoolArray, shape (rows - 1, columns) or (rows, columns)
         [r, c]: open between (r, c) and (r + 1, c), row 0 being the southernmost. The longer form goes round.
     """
+
+    __repr__ = short_repr
 
     east: BoolArray
     north: BoolArray
@@ -108,6 +111,8 @@ class BlockedShift:
         Of a commanded n steps, the probability that n + key are made (0 if that is below 0): {0: 1.0} is
         exact, {-1: 0.1, 0: 0.8, 1: 0.1} slips and overshoots. Must sum to 1.
     """
+
+    __repr__ = short_repr
 
     openings: Openings
     blocked: BlockedPolicy = "stay"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
+from ciberrato.reprs import short_repr
 
 # Greatest number of parts, each way, that a cell is cut into.
 _MOST_PARTS = 8
@@ -42,6 +43,9 @@ class Displacements(NamedTuple):
         rows = np.asarray(chosen)
         cells, distance, direction, inverse_distance, area = (field[rows] for field in self)
         return Displacements(cells, distance, direction, inverse_distance, area)
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def displacements(

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.convolution import Edge, Kernel, convolve, gaussian_kernel, whole_steps
 from ciberrato.bayes.motion.inputs import check_belief
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +38,8 @@ class GaussianShift:
     tail : float
         Mass of the Gaussian that may be cut off at a step.
     """
+
+    __repr__ = short_repr
 
     cell: float
     sigma: float

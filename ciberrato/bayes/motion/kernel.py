@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.convolution import Edge, convolve_all
 from ciberrato.bayes.motion.inputs import check_belief, look_up, whole_numbers
+from ciberrato.reprs import short_repr
 
 _MOST_CELLS = 10_000_000
 
@@ -33,6 +34,8 @@ class CommandKernel:
     first : tuple of int
         Displacement in cells that weights[0, ..., 0] stands for.
     """
+
+    __repr__ = short_repr
 
     weights: FloatArray
     first: tuple[int, ...]
@@ -76,6 +79,8 @@ class KernelMotion:
     edges : tuple of {"wrap", "stay", "lose"}
         One for each axis of the belief.
     """
+
+    __repr__ = short_repr
 
     kernels: Mapping[Any, CommandKernel]
     edges: tuple[Edge, ...]

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
+from ciberrato.reprs import short_repr
 
 # Variances up to this many square cells are made of Selling's vectors.
 _SMALL = 0.5
@@ -60,6 +61,9 @@ class LatticeKernels(NamedTuple):
             for a, b in ((0, 0), (0, 1), (0, 1), (1, 1))
         ]
         return np.asarray(mean), np.asarray(np.stack(pairs, axis=1).reshape(count, 2, 2))
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def lattice_kernels(

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.angles import wrap
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +28,8 @@ class OdometryReading:
     trans : float
         Way driven, in units of length.
     """
+
+    __repr__ = short_repr
 
     rot1: float = 0.0
     trans: float = 0.0
@@ -87,6 +90,8 @@ class OdometryNoise:
         unit driven and square radian turned.
     """
 
+    __repr__ = short_repr
+
     rotation: float = 0.0
     translation: float = 0.0
     alpha1: float = 0.0
@@ -128,3 +133,6 @@ class Prediction(NamedTuple):
     belief: FloatArray
     skipped: float
     truncated: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)

@@ -36,6 +36,7 @@ from ciberrato.bayes.motion.passes import (
     turn_matrix,
 )
 from ciberrato.bayes.spaces import StateSpace
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +50,8 @@ class OmnidirectionalReading:
     turn : float
         Radians, counter-clockwise.
     """
+
+    __repr__ = short_repr
 
     forward: float = 0.0
     left: float = 0.0
@@ -85,6 +88,8 @@ class OmnidirectionalNoise:
     alpha5 : float
         Variance across the drive per square unit driven.
     """
+
+    __repr__ = short_repr
 
     rotation: float = 0.0
     translation: float = 0.0
@@ -130,6 +135,8 @@ class OmnidirectionalOdometry:
     free : BoolArray, shape (x, y), optional
         Where the robot can be; everywhere if None.
     """
+
+    __repr__ = short_repr
 
     space: StateSpace
     noise: OmnidirectionalNoise

@@ -22,6 +22,7 @@ from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.convolution import fold, gaussian_kernel
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
 from ciberrato.bayes.spaces import StateSpace
+from ciberrato.reprs import short_repr
 
 # Up to this many pairs of cells, all images are moved by one product with matrices written out.
 _DENSE = 600_000
@@ -45,6 +46,8 @@ class PoseCarry:
     offset : FloatArray, shape (headings, 2)
         Units of length to add to x and y of the cells of each heading, within half a cell.
     """
+
+    __repr__ = short_repr
 
     turn: float
     offset: FloatArray

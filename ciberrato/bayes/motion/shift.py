@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.convolution import EDGES, Edge, fold
 from ciberrato.bayes.motion.inputs import check_belief, whole_numbers
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +28,8 @@ class Shift:
     edges : tuple of {"wrap", "stay", "lose"}
         One for each axis of the belief.
     """
+
+    __repr__ = short_repr
 
     edges: tuple[Edge, ...]
 

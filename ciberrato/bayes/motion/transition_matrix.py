@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.motion.inputs import check_belief, look_up
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +30,8 @@ class TransitionMatrix:
         Any hashable commands; lists and arrays mean the tuple of their elements. Numpy arrays or scipy sparse
         matrices, (states, states), entries 0 or more, row sums 1 at the most (what is missing is lost).
     """
+
+    __repr__ = short_repr
 
     matrices: Mapping[Any, Any]
 

@@ -39,6 +39,7 @@ from ciberrato.bayes.motion.passes import (
     ways,
 )
 from ciberrato.bayes.spaces import StateSpace
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +62,8 @@ class TurnDriveTurn:
     skip_below : float
         Leave out headings whose whole image holds less mass than this.
     """
+
+    __repr__ = short_repr
 
     space: StateSpace
     noise: OdometryNoise

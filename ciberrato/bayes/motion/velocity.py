@@ -48,6 +48,7 @@ from ciberrato.bayes.motion.passes import (
 )
 from ciberrato.bayes.motion.pose_kernel import apply_pose_kernel
 from ciberrato.bayes.spaces import StateSpace
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +64,8 @@ class VelocityCommand:
     duration : float
         Seconds, positive.
     """
+
+    __repr__ = short_repr
 
     speed: float
     turning: float
@@ -85,6 +88,8 @@ class VelocityNoise:
         Variances per square speed and square turning speed: of the speed (1, 2), the turning speed (3, 4) and
         the final turn (5, 6).
     """
+
+    __repr__ = short_repr
 
     speed: float = 0.0
     turning: float = 0.0
@@ -138,6 +143,8 @@ class VelocityMotion:
         turn and the final turn, and grids of up to some ten thousand states: it depends on displacement and
         both headings together.
     """
+
+    __repr__ = short_repr
 
     space: StateSpace
     noise: VelocityNoise

@@ -33,6 +33,7 @@ from ciberrato.bayes.motion.passes import (
     ways,
 )
 from ciberrato.bayes.spaces import StateSpace
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,8 @@ class WheelCarry:
     offset : FloatArray, shape (headings, 2)
         Units of length to add to x and y of the cells of each heading, within half a cell.
     """
+
+    __repr__ = short_repr
 
     left: float
     right: float
@@ -76,6 +79,8 @@ class DifferentialWheels:
         Where the robot can be. Mass that would leave these cells, or the grid, stays where it is and turns,
         as a robot does at a wall.
     """
+
+    __repr__ = short_repr
 
     space: StateSpace
     base: float

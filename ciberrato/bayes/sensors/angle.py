@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.angles import log_wrapped_normal
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray
 from ciberrato.bayes.checks import map_array, positive, where
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +32,8 @@ class AngleSensor:
         Sigma, readings and expected angles are in degrees; radians otherwise. Log densities are per radian in
         both cases.
     """
+
+    __repr__ = short_repr
 
     sigma: float | FloatArray
     deg: bool = False

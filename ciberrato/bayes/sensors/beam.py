@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import positive, range_array, refuse_map
 from ciberrato.bayes.sensors.normal import log_interval
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +46,8 @@ class BeamModel:
         is not known whether it is full (`OccupancyGrid.cast`). All readings are alike likely then, 1 / z_max,
         as section 6.4.3 has it for places that are not explored.
     """
+
+    __repr__ = short_repr
 
     hit: float
     short: float

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import map_array, range_array, whole
 from ciberrato.bayes.sensors.beam import BeamModel
+from ciberrato.reprs import short_repr
 
 
 class Learned(NamedTuple):
@@ -32,6 +33,9 @@ class Learned(NamedTuple):
 
     model: BeamModel
     log_likelihood: FloatArray
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def learn_beam_model(

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import finite_array, positive, where
 from ciberrato.bayes.spaces import Axis
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +28,8 @@ class DiscreteSensor:
     probabilities : mapping of symbol to array_like
         All arrays of the belief's shape; 0 or more; over the symbols they sum to 1 in every state.
     """
+
+    __repr__ = short_repr
 
     probabilities: Mapping[Any, FloatArray]
 
@@ -75,6 +78,8 @@ class DoorDetector:
     seen, false_alarm : float
         P(door) at a door's middle, and far from all.
     """
+
+    __repr__ = short_repr
 
     doors: tuple[float, ...]
     sigma: float

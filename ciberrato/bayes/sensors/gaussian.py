@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import finite_array, positive, range_array, refuse_map, refuse_negative_map
 from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, beyond_range
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +37,8 @@ class GaussianSensor:
     signed : bool
         Readings, and those expected, may be negative: they are no ranges. Angles want `AngleSensor`.
     """
+
+    __repr__ = short_repr
 
     sigma: float | FloatArray
     normalized: bool = True

@@ -20,6 +20,7 @@ from ciberrato.bayes.angles import TURN, log_wrapped_normal
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
 from ciberrato.bayes.checks import finite_array, positive, range_array, same_length, whole_array
 from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, log_upper_tail
+from ciberrato.reprs import short_repr
 
 # Of the coordinates: within so much of a landmark the state is on it, and rounding would make up a bearing.
 _ON_IT = 1e-9
@@ -41,6 +42,8 @@ class LandmarkSensor:
         Longest range. Readings of at least this, +inf among them, have the probability that the range is
         longer: the Gaussian's upper tail. None: there is no longest range, and +inf is an error.
     """
+
+    __repr__ = short_repr
 
     landmarks: tuple[tuple[float, float], ...]
     range_sigma: float
@@ -149,6 +152,8 @@ class OrderedRanges:
     unexpected : float
         Density of a reading, per unit of length, that belongs to no landmark; 0 or more.
     """
+
+    __repr__ = short_repr
 
     landmarks: tuple[float, ...]
     sigma: float

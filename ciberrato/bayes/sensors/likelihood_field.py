@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import finite_array, positive, range_array, refuse_map, same_length
 from ciberrato.bayes.maps.occupancy import OccupancyGrid
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +35,8 @@ class LikelihoodField:
     max_range : float
         Readings of at least this, +inf among them, are left out.
     """
+
+    __repr__ = short_repr
 
     hit: float
     random: float

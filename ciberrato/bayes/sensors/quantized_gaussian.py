@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import map_array, positive, range_array, whole
 from ciberrato.bayes.sensors.normal import beyond_range, log_interval
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +41,8 @@ class QuantizedGaussian:
     signed : bool
         Readings may be negative: they are no ranges.
     """
+
+    __repr__ = short_repr
 
     sigma: float | FloatArray
     step: float

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ciberrato.arrays import Floats
 from ciberrato.geometry.angles import short_turns
 from ciberrato.localization.belief.pose_belief import PoseBelief
+from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE
 
@@ -36,6 +37,8 @@ class PoseEstimate:
     cell : (int, int)
         Row (from the bottom) and column of the cell.
     """
+
+    __repr__ = short_repr
 
     x: float
     y: float

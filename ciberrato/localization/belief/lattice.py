@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ciberrato.arrays import Floats
 from ciberrato.geometry.walls import WallMap
 from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import CELL_SIZE, Lab
 
 Indices = NDArray[np.int64]
@@ -52,6 +53,8 @@ class Lattice:
     index : array of int, shape (ny * nx + 1,)
         Number of the free square at each position; `squares` where there is none (also at the last entry).
     """
+
+    __repr__ = short_repr
 
     resolution: float
     nx: int

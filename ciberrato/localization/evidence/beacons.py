@@ -20,6 +20,7 @@ from ciberrato.geometry.walls import WallMap
 from ciberrato.localization.belief.lattice import Lattice
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.protocol.messages import BeaconReading
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Beacon, Lab
 
 Codes = NDArray[np.int64]
@@ -47,6 +48,8 @@ class BeaconTable:
     shares : array, shape (classes,)
         How many of the squares are of each class.
     """
+
+    __repr__ = short_repr
 
     codes: Codes
     shares: Floats

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ciberrato.errors import UsageError
 from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.reprs import short_repr
 
 if TYPE_CHECKING:  # numpy is imported where it is used: options are read before the robot is registered
     from ciberrato.localization.belief.pose_belief import PoseBelief
@@ -32,6 +33,8 @@ class StartPrior:
     heading : float or None
         Degrees; with a place it is known to about one bin. None: any heading, or at centres four of them.
     """
+
+    __repr__ = short_repr
 
     centres: bool = False
     place: tuple[float, float] | None = None

@@ -23,6 +23,7 @@ from ciberrato.infrared.model import ideal_reading, sensor_distances
 from ciberrato.localization.evidence.beacons import BeaconSense
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.protocol.messages import BeaconReading
+from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Pose
 from ciberrato.world.lab import Lab
 
@@ -46,6 +47,8 @@ class Turn:
     angle : float
         Radians.
     """
+
+    __repr__ = short_repr
 
     x: float
     y: float

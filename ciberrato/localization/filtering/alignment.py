@@ -13,6 +13,7 @@ from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.records import Motion
 from ciberrato.physics.kinematics import Command, advance, clamp_power, filter_power, wrap_angle
 from ciberrato.protocol.messages import BeaconReading, Measures
+from ciberrato.reprs import short_repr
 from ciberrato.world.parameters import Parameters
 
 
@@ -21,6 +22,9 @@ class _Tick(NamedTuple):
 
     commands: tuple[Command, ...]
     measures: Measures
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class Moment(NamedTuple):
@@ -46,6 +50,9 @@ class Moment(NamedTuple):
     def turned(self) -> float:
         """Return the radians turned."""
         return sum(abs(motion.right - motion.left) for motion in self.motions)
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class MessageAlignment:

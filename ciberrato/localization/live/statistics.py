@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from ciberrato.localization.belief import compiled
 from ciberrato.localization.tables.memory import memory_megabytes
 from ciberrato.localization.tables.worker import TableWorker
+from ciberrato.reprs import short_repr
 
 
 @dataclass(slots=True)
@@ -27,6 +28,8 @@ class LiveStatistics:
     ready, fine : int or None
         Times (simulated cycles) at which the filter began, and changed to fine tables.
     """
+
+    __repr__ = short_repr
 
     milliseconds: list[float] = field(default_factory=list)
     lags: list[int] = field(default_factory=list)

@@ -14,12 +14,15 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 
 
 @dataclass(frozen=True, slots=True)
 class TableRequest:
     """What to compute, and where to put it."""
+
+    __repr__ = short_repr
 
     lab: Lab
     angles: tuple[float, ...]

@@ -19,6 +19,7 @@ from ciberrato.infrared.sweep import tabulate_distances
 from ciberrato.localization.belief.lattice import Lattice, build_lattice
 from ciberrato.localization.evidence.symmetry import Turn, find_turns
 from ciberrato.localization.tables.reading_codes import encode
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 
 Codes = NDArray[np.uint8]
@@ -65,6 +66,8 @@ class PoseTables:
     fractions : tuple of float
         Degrees by which the directions of each table are ahead of multiples of the step.
     """
+
+    __repr__ = short_repr
 
     lattice: Lattice
     steps: int
