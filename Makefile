@@ -23,7 +23,7 @@ $(VENV)/.stamp: $(VENV)/.runtime
 setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
 
 demo: $(VENV)/.runtime  ## the whole path once: simulator, agent, localization.out, a table and a figure
-	$(BIN)/python -m examples.demo
+	$(BIN)/python -m ciberrato demo
 
 lint: $(VENV)/.stamp  ## ruff and mypy
 	$(BIN)/ruff check .
