@@ -67,7 +67,7 @@ def draw_drive(log: Path, target: Path) -> None:
     truth = {}
     with Robot("rosa", simulation=simulation, localize="maze", angles=(0, 60, -60, 180), log=log) as robot:
         for measures in robot:
-            ahead, left, right, _ = measures.infrared
+            ahead, left, right, _ = (value or 0.0 for value in measures.infrared)
             turn = 0.1 if left < right else -0.1
             robot.drive(-turn, turn) if ahead > 1.2 else robot.drive(0.12, 0.12)
             x, y, heading = simulation.poses()[0]
