@@ -178,4 +178,4 @@ def test_ports_are_told_apart_by_the_traffic(tmp_path):
     ]
     (row,) = by_check(codec.rows(tmp_path, None))["codec: clients"]
     assert row.passed
-    assert "3 more went to ports where nobody reads" in row.note
+    assert "3 more went to ports that are not read" in row.note
