@@ -68,3 +68,19 @@ def check_belief(belief: ArrayLike, shape: Sequence[int] | None = None) -> Float
     if not (lowest >= 0.0 and np.maximum.reduce(values, axis=None, initial=0.0) < math.inf):
         raise ValueError("a belief must be finite and not negative")
     return values
+
+
+def deviation(constant: float, *parts: tuple[float, float]) -> float:
+    """Return the root of a constant's square and of variances that grow with a motion: (factor, square) each.
+
+    Raises
+    ------
+    ValueError
+        If it is too large for a double.
+    """
+    variance = float(constant) * float(constant) + sum(
+        float(factor) * square for factor, square in parts if factor
+    )
+    if not math.isfinite(variance):
+        raise ValueError("the motion's variance is too large for a double: is the motion in the grid's unit?")
+    return math.sqrt(variance)

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.angles import wrap
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray
-from ciberrato.bayes.motion.inputs import check_belief
+from ciberrato.bayes.motion.inputs import check_belief, deviation
 from ciberrato.bayes.motion.lattice import lattice_kernels
 from ciberrato.bayes.motion.passes import (
     PoseCarry,
@@ -109,14 +109,13 @@ class OmnidirectionalNoise:
         """Return the standard deviations of turn, along and across the drive; ValueError if not finite."""
         if not all(math.isfinite(v) for v in (reading.forward, reading.left, reading.turn)):
             raise ValueError(f"an odometry reading must be finite, not {reading}")
-        way, turn = (
-            reading.forward * reading.forward + reading.left * reading.left,
-            reading.turn * reading.turn,
-        )
+        # Python's floats: what overflows is inf, without a warning, and named below.
+        forward, left, turned = float(reading.forward), float(reading.left), float(reading.turn)
+        square, turn = forward * forward + left * left, turned * turned
         return (
-            math.sqrt(self.rotation**2 + self.alpha1 * turn + self.alpha2 * way),
-            math.sqrt(self.translation**2 + self.alpha3 * way + self.alpha4 * turn),
-            math.sqrt(self.strafe**2 + self.alpha5 * way + self.alpha4 * turn),
+            deviation(self.rotation, (self.alpha1, turn), (self.alpha2, square)),
+            deviation(self.translation, (self.alpha3, square), (self.alpha4, turn)),
+            deviation(self.strafe, (self.alpha5, square), (self.alpha4, turn)),
         )
 
 

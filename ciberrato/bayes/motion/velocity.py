@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.angles import wrap, wrapped_normal
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
 from ciberrato.bayes.motion.displacements import displacements
-from ciberrato.bayes.motion.inputs import check_belief
+from ciberrato.bayes.motion.inputs import check_belief, deviation
 from ciberrato.bayes.motion.lattice import lattice_kernels
 from ciberrato.bayes.motion.passes import (
     PoseCarry,
@@ -116,11 +116,12 @@ class VelocityNoise:
         """
         if not (math.isfinite(command.speed) and math.isfinite(command.turning)):
             raise ValueError(f"a velocity command must be finite, not {command}")
-        v2, w2 = command.speed * command.speed, command.turning * command.turning
-        speed = math.sqrt(self.speed**2 + self.alpha1 * v2 + self.alpha2 * w2)
-        turning = math.sqrt(self.turning**2 + self.alpha3 * v2 + self.alpha4 * w2)
-        final = math.sqrt(self.final**2 + self.alpha5 * v2 + self.alpha6 * w2)
-        return speed * command.duration, turning * command.duration, final * command.duration
+        # Python's floats: what overflows is inf, without a warning, and named.
+        v, w, time = float(command.speed), float(command.turning), float(command.duration)
+        speed = deviation(self.speed, (self.alpha1, v * v), (self.alpha2, w * w))
+        turning = deviation(self.turning, (self.alpha3, v * v), (self.alpha4, w * w))
+        final = deviation(self.final, (self.alpha5, v * v), (self.alpha6, w * w))
+        return speed * time, turning * time, final * time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,7 +228,7 @@ class VelocityMotion:
 
     def _sigmas(self, control: VelocityCommand) -> tuple[float, float, float]:
         sigmas = self.noise.sigmas(control)
-        way, turn = control.speed * control.duration, control.turning * control.duration
+        way, turn = (float(speed) * float(control.duration) for speed in (control.speed, control.turning))
         check_motion(self.space, [way], [turn], [sigmas[0]])
         if sigmas[1] > 4.0 * math.pi:
             raise ValueError(

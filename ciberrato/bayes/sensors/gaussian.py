@@ -77,15 +77,17 @@ class GaussianSensor:
         longest = np.inf if self.max_range is None else self.max_range
         # Most scans are whole: no beam is missing, none beyond the longest range.
         whole = bool(reading.size) and bool(reading.max() < longest)
-        terms = (reading if whole else np.where(np.isfinite(reading), reading, 0.0)) - mean
-        try:
-            terms /= self.sigma
-        except ValueError as error:
-            raise ValueError(
-                f"sigma has shape {np.shape(self.sigma)}, which does not fit means {mean.shape}"
-            ) from error
-        np.square(terms, out=terms)
-        terms *= -0.5
+        # What overflows is infinitely far off: a log density of -inf.
+        with np.errstate(over="ignore"):
+            terms = (reading if whole else np.where(np.isfinite(reading), reading, 0.0)) - mean
+            try:
+                terms /= self.sigma
+            except ValueError as error:
+                raise ValueError(
+                    f"sigma has shape {np.shape(self.sigma)}, which does not fit means {mean.shape}"
+                ) from error
+            np.square(terms, out=terms)
+            terms *= -0.5
         if self.normalized:
             terms -= np.log(self.sigma) + LOG_SQRT_TWO_PI
         if not whole:
@@ -110,6 +112,9 @@ class GaussianSensor:
         PreparedGaussian
         """
         return PreparedGaussian(self, mean)
+
+
+_UNPREPARED = "use GaussianSensor.log_likelihood itself"
 
 
 class PreparedGaussian:
@@ -137,14 +142,20 @@ class PreparedGaussian:
             refuse_negative_map(mean)
         self._signed, self._longest = sensor.signed, sensor.max_range
         beams = mean.shape[-1]
-        weight = np.broadcast_to(1.0 / np.square(sensor.sigma), mean.shape).reshape(-1, beams)
+        with np.errstate(all="ignore"):
+            weight = np.broadcast_to(1.0 / np.square(sensor.sigma), mean.shape).reshape(-1, beams)
+        if not ((weight > 0.0) & (weight < np.inf)).all():
+            raise ValueError(f"sigma {sensor.sigma} has no square in doubles; {_UNPREPARED}")
         flat = mean.reshape(-1, beams)
         self._shape = mean.shape[:-1]
         same = bool((weight == weight[0]).all())
         # With one sigma the squares of the reading are the same for all cells.
         self._weight = weight[0].copy() if same else np.ascontiguousarray(weight)
-        self._linear = np.ascontiguousarray(weight * flat)
-        self._constant = -0.5 * (self._linear * flat).sum(axis=1)
+        with np.errstate(over="ignore"):
+            self._linear = np.ascontiguousarray(weight * flat)
+            self._constant = -0.5 * (self._linear * flat).sum(axis=1)
+        if not np.isfinite(self._constant).all():
+            raise ValueError(f"the means over sigma have no squares in doubles; {_UNPREPARED}")
         if sensor.normalized:
             self._constant += 0.5 * np.log(weight).sum(axis=1) - beams * LOG_SQRT_TWO_PI
 
@@ -161,7 +172,10 @@ class PreparedGaussian:
                 f"beam {wrong} reads {reading[wrong]}: a prepared sensor takes {len(reading)} finite beams "
                 "below the longest range; use GaussianSensor.log_likelihood for this reading"
             )
-        result = self._linear @ reading
-        result += self._constant
-        result -= 0.5 * (self._weight @ np.square(reading))
+        with np.errstate(over="ignore", invalid="ignore"):
+            result = self._linear @ reading
+            result += self._constant
+            result -= 0.5 * (self._weight @ np.square(reading))
+        if result.size and not math.isfinite(result.sum()) and np.isnan(result).any():
+            raise ValueError(f"the reading over sigma has no square in doubles; {_UNPREPARED}")
         return np.asarray(result.reshape(self._shape))

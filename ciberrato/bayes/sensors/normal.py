@@ -126,6 +126,6 @@ def beyond_range(
     expected, spread = (
         np.broadcast_to(v, terms.shape)[beyond] for v in (mean, np.asarray(sigma, dtype=float))
     )
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         tail = log_upper_tail((max_range - expected) / spread)
     terms[beyond] = np.where(spread > 0.0, tail, np.where(expected >= max_range, 0.0, -np.inf))

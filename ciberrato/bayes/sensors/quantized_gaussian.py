@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import map_array, positive, range_array, whole
-from ciberrato.bayes.sensors.normal import beyond_range, log_interval
+from ciberrato.bayes.sensors.normal import LOG_SQRT_TWO_PI, beyond_range, log_interval
 from ciberrato.reprs import short_repr
 
 
@@ -86,13 +86,26 @@ class QuantizedGaussian:
             a mean nan.
         """
         reading, mean = range_array(reading, signed=self.signed), map_array(mean, signed=self.signed)
-        multiple = np.round(np.where(np.isfinite(reading), reading, 0.0) / self.step)
-        low = (multiple - 0.5) * self.step - mean
-        high = (multiple + 0.5) * self.step - mean
+        known = np.where(np.isfinite(reading), reading, 0.0)
         sigma = np.asarray(self.sigma, dtype=float)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        # What overflows is infinitely far off: a log probability of -inf.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            multiple = np.round(known / self.step)
+            counted = np.isfinite(multiple)
+            middle = np.where(counted, multiple * self.step, known)
+            low = np.where(counted, (multiple - 0.5) * self.step, known) - mean
+            high = np.where(counted, (multiple + 0.5) * self.step, known) - mean
             # 0 / 0 (the mean exactly on a rounding edge, no noise) is settled by the line after.
-            result = log_interval(low / sigma, high / sigma)
+            below, above = low / sigma, high / sigma
+            result = log_interval(below, above)
+            # So far off, or steps so fine, that both edges are the same number: the density times the step.
+            density = -0.5 * np.square((middle - mean) / sigma) - LOG_SQRT_TWO_PI
+            density += np.log(self.step) - np.log(sigma)
+            result = np.where((below == above) & (sigma > 0.0), np.minimum(density, 0.0), result)
+            # Both tails are 0: the leading term of the one at the nearer edge.
+            nearer = -0.5 * np.square(np.minimum(np.abs(below), np.abs(above)))
+            result = np.where(np.isnan(result) & (sigma > 0.0), nearer, result)
+            result = np.where(np.isneginf(below) & np.isposinf(above), 0.0, result)
         certain = np.where((low <= 0.0) & (high > 0.0), 0.0, -np.inf)
         result = np.where(sigma > 0.0, result, certain)
         beyond_range(result, reading, mean, sigma, self.max_range)
