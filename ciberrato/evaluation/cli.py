@@ -18,6 +18,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.evaluation.task import DRIVES, GPS, PRIORS, STARTS, Task
+from ciberrato.system.process import output_has_gone
 
 if TYPE_CHECKING:
     from ciberrato.evaluation.attempt import Result
@@ -47,9 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = _run(_parser().parse_args(arguments))
         sys.stdout.flush()
         return status
-    except BrokenPipeError:
-        # Whoever read our output has seen enough; what is still buffered must not complain at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if not output_has_gone(error):
+            raise
         return 0
     except KeyboardInterrupt:
         print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ciberrato.localization.belief import compiled
-from ciberrato.localization.tables.memory import memory_megabytes
 from ciberrato.localization.tables.worker import TableWorker
+from ciberrato.system.memory import memory_megabytes
 
 
 @dataclass(slots=True)
