@@ -22,7 +22,7 @@ from typing import NamedTuple
 _SET_DEATH_SIGNAL, _SET_SUBREAPER = 1, 36
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 _PROC = Path("/proc/self/task").is_dir()
-_PS = None if _PROC else shutil.which("ps", path="/bin:/usr/bin")
+_PS = None if _PROC or os.name != "posix" else shutil.which("ps", path="/bin:/usr/bin")
 
 MEASURES = "all" if _PROC else "memory" if _PS else "nothing"
 """What can be known of descendants here: ``all``, their ``memory``, or ``nothing``."""
