@@ -81,7 +81,7 @@ class Interrupts:
             signal.signal(number, signal.SIG_IGN)
 
     def close(self) -> None:
-        """Give the signals back to whoever had them."""
+        """Restore the signal handlers that were there before."""
         if self._ends is not None:
             if self._former:
                 signal.set_wakeup_fd(self._former_wakeup)

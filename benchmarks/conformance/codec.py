@@ -103,7 +103,7 @@ def _simulator_rows(recordings: list[Session]) -> Iterator[Finding]:
 
 
 def exception_of(data: bytes) -> str | None:
-    """Tell why a simulator's datagram is not XML, by a parser that is not ours; None where it is."""
+    """Return why a simulator's datagram is not XML, by a parser that is not ours; None where it is."""
     from lxml import etree
 
     text = data.partition(b"\0")[0]

@@ -135,7 +135,7 @@ class _Ports:
                     )
 
     def of_simulator_datagram(self, port: int, data: bytes) -> Port:
-        """Tell what is behind a port; a Reply is what opens it."""
+        """Return what is behind a port; a Reply is what opens it."""
         if data.startswith(b"<Reply"):
             self._open.add(port)
         return self.kinds.get(port, "nobody")

@@ -164,11 +164,11 @@ class Attempts:
         self._wait = FIRST_WAIT
 
     def over(self, now: float) -> bool:
-        """Tell whether the time is up."""
+        """Return whether the time is up."""
         return now >= self._end
 
     def due(self, now: float) -> bool:
-        """Tell whether it is time for an attempt, and take it for made."""
+        """Return whether it is time for an attempt, and take it for made."""
         if now < self._next:
             return False
         self._next = now + self._wait

@@ -38,7 +38,7 @@ class Link(Protocol):
     """
 
     refused: bool
-    """Whether the machine has said at the last `register` that nobody listens there (TCP only)."""
+    """Return whether the machine has said at the last `register` that nobody listens there (TCP only)."""
 
     def register(self, data: bytes) -> None:
         """Send a registration to the main port.

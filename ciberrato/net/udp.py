@@ -144,5 +144,5 @@ class UdpLink:
 
 
 def _same_machine(first: str, second: str) -> bool:
-    """Tell whether two addresses are one machine's: 127.0.0.1 answers for 127.0.1.1 too."""
+    """Return whether two addresses are one machine's: 127.0.0.1 answers for 127.0.1.1 too."""
     return first == second or (first.startswith("127.") and second.startswith("127."))

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -20,6 +21,16 @@ _OWN_GROUP: int | None = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", None)
 def apart() -> dict[str, Any]:
     """Return the options of `subprocess.Popen` that keep the terminal's Ctrl-C from a child."""
     return {"start_new_session": True} if _OWN_GROUP is None else {"creationflags": _OWN_GROUP}
+
+
+def interruptible() -> dict[str, Any]:
+    """Return the options of `subprocess.Popen` for a child that `interrupt` is going to be called for."""
+    return {} if _OWN_GROUP is None else {"creationflags": _OWN_GROUP}
+
+
+def interrupt(child: subprocess.Popen[Any]) -> None:
+    """Do to a child what Ctrl-C does: SIGINT, or on Windows Ctrl-Break, which can be sent to one process."""
+    child.send_signal(getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT))
 
 
 def processors() -> int:

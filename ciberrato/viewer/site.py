@@ -76,7 +76,7 @@ def read_assets() -> dict[str, tuple[str, bytes]]:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether a host to bind is this machine only."""
+    """Return whether a host to bind is this machine only."""
     if host == "localhost":
         return True
     try:

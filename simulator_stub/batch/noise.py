@@ -91,7 +91,7 @@ class BatchStream:
         return twin
 
     def take(self) -> Floats:
-        """Give the numbers of the next cycle.
+        """Return the numbers of the next cycle.
 
         Returns
         -------

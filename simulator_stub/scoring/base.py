@@ -32,10 +32,10 @@ class Scoring:
     """Number on the command line."""
 
     judges_returning: ClassVar[bool] = False
-    """Whether the returning LED changes a robot's state."""
+    """Return whether the returning LED changes a robot's state."""
 
     has_documents: ClassVar[bool] = False
-    """Whether there will be `documents`."""
+    """Return whether there will be `documents`."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -59,7 +59,7 @@ class Scoring:
         """
 
     def may_return(self, robot: Robot) -> bool:
-        """Whether the returning LED, lit now, begins a return; otherwise it ends the robot's run."""
+        """Return whether the returning LED, lit now, begins a return; otherwise it ends the robot's run."""
         return False
 
     def collision_penalty(self, robot: Robot) -> int:

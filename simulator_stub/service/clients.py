@@ -119,7 +119,7 @@ class ViewClient:
 
 
 def stands_alone(actions: Actions) -> bool:
-    """Whether a message looks like a robot's whole answer.
+    """Return whether a message looks like a robot's whole answer.
 
     The usual client libraries have one call for the motors, and others for each LED (which command both
     motors to 0), for saying and for requesting. A robot that uses one of the others often follows it up with

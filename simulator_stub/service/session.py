@@ -118,12 +118,12 @@ class Session:
 
     @property
     def registrations_waiting(self) -> bool:
-        """Whether somebody waits to be registered."""
+        """Return whether somebody waits to be registered."""
         return bool(self._registrations)
 
     @property
     def start_is_due(self) -> bool:
-        """Whether enough robots are there for the automatic start, and it has not happened yet."""
+        """Return whether enough robots are there for the automatic start, and it has not happened yet."""
         return 0 < self._autostart <= len(self.robots) and not self._autostarted
 
     def cycle(self) -> None:

@@ -60,7 +60,7 @@ class SimulatorStateMachine:
 
     @property
     def registrations_open(self) -> bool:
-        """Whether robots may register: always but while running."""
+        """Return whether robots may register: always but while running."""
         return self.current is not SimulatorState.RUNNING
 
     def handle(self, event: SimulatorEvent) -> None:

@@ -44,7 +44,7 @@ class System:
                 "EMULATED_SYSTEM": name,
                 "EMULATED_TRACES": str(self.traces),
             }
-        # What is not Windows is sent SIGINT for Ctrl-C; there a program of a group of its own gets Ctrl-Break.
+        # On Windows a program in a group of its own gets Ctrl-Break, elsewhere SIGINT as by Ctrl-C.
         self.own_group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 
     def saw(self, what):

@@ -23,7 +23,7 @@ name = "follower"
 command = "python agent.py {host}:{port} {pos} {name}"
 folder = "course/agents/follower"
 """
-SLEEPER = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(600)'])"
+CLOCK = re.compile(rb'"(wall|seconds)": ?[\d.]+|Date="[^"]*"')
 
 
 def drive(system, folder, transport):
@@ -31,8 +31,8 @@ def drive(system, folder, transport):
     folder.mkdir()
     simulator = (
         *(program("simulator"), "--lab", "corridors", "--grid", "corridors", "--seed", "1", "--port", "0"),
-        *("--bind", "127.0.0.1", "--transport", transport, "--autostart", "1", "--lockstep"),
-        *("--reproducible", "--log", "log.xml", "--result", "result.json"),
+        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep"),
+        *("--log", "log.xml", "--result", "result.json"),
     )
     with system.running(folder, *simulator) as simulation:
         port = until(simulation, rf"{transport} \S+:(\d+)")[1]
@@ -73,4 +73,76 @@ def test_a_run_in_lockstep_elsewhere_is_the_same(elsewhere, driven_here, transpo
 
 def without_clock(driven):
     """What a run left, without what a clock says."""
-    return {name: re.sub(rb'"(decision_ms|wall|cpu_ms)": ?[\d.]+', b"", data) for name, data in driven.items()}
+    return {name: CLOCK.sub(b"", data) for name, data in driven.items()}
+
+
+def test_ctrl_c_ends_a_run_that_has_begun(elsewhere, tmp_path):
+    with elsewhere.running(
+        tmp_path, program("simulator"), "--port", "0", "--bind", "127.0.0.1", "--speed", "20"
+    ) as simulation:
+        port = until(simulation, r"udp \S+:(\d+)")[1]
+        words = (program("agent"), "-h", f"127.0.0.1:{port}", "-m", "corridors", "--online")
+        with elsewhere.running(tmp_path, *words) as agent:
+            until(agent, "registered")
+            status, said = elsewhere.interrupt(agent)
+        assert status in (0, 128 + 2, 128 + 3), said
+        assert elsewhere.interrupt(simulation)[0] == 0
+
+
+def test_the_viewers_page(elsewhere, tmp_path):
+    viewer = (program("viewer"), "--simulator", "127.0.0.1:9", "--http", "0", "--overlay-port", "0")
+    with elsewhere.running(tmp_path, *viewer) as running:
+        address = until(running, r"page: (\S+)")[1]
+        with urllib.request.urlopen(address, timeout=20) as page:
+            assert b"<html" in page.read()
+        assert elsewhere.interrupt(running)[0] == 0
+
+
+def test_a_viewer_ends_with_the_simulator_that_started_it(elsewhere, tmp_path):
+    simulator = (program("simulator"), "--port", "0", "--bind", "127.0.0.1", "--view", "0")
+    with elsewhere.running(tmp_path, *simulator) as running:
+        address = until(running, r"page: (\S+)")[1]
+        with urllib.request.urlopen(address, timeout=20) as page:
+            assert b"<html" in page.read()
+        assert elsewhere.interrupt(running)[0] == 0
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(address, timeout=20)
+
+
+@pytest.mark.slow
+def test_an_evaluation_with_two_workers(elsewhere, here, tmp_path):
+    words = (program("evaluate"), "--lab", "corridors", "--seeds", "2", "--cycles", "20", "--jobs", "2")
+    tables = [
+        system.run(tmp_path, *words, "--output", f"{system.name}.jsonl") for system in (here, elsewhere)
+    ]
+    ours, theirs = (
+        sorted((tmp_path / f"{name}.jsonl").read_bytes().splitlines()) for name in ("here", elsewhere.name)
+    )
+    assert len(ours) == 2
+    assert [CLOCK.sub(b"", line) for line in theirs] == [CLOCK.sub(b"", line) for line in ours]
+    assert "corridors" in tables[1]
+
+
+def test_labs(elsewhere, here, tmp_path):
+    lab = tmp_path / "lab.xml"
+    lab.write_text('<Lab Name="Ångström → 迷路" Width="28" Height="14"></Lab>', encoding="utf-8")
+    said = [system.run(tmp_path, program("lab"), "check", "lab.xml") for system in (here, elsewhere)]
+    assert said[1] == said[0].encode("utf-8").decode("utf-8") or elsewhere.name == "windows"
+    for system in (here, elsewhere):
+        system.run(tmp_path, program("lab"), "new", f"{system.name}.xml", "--maze", "7x14", "--seed", "3")
+    assert (tmp_path / "here.xml").read_bytes() == (tmp_path / f"{elsewhere.name}.xml").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_grading_without_a_sandbox(elsewhere, here, tmp_path):
+    here.run(tmp_path, program("grade"), "init", "course")
+    (tmp_path / "course.toml").write_text(COURSE, encoding="utf-8")
+    lines = {}
+    for system in (here, elsewhere):
+        words = ("course.toml", "--sandbox", "none", "--output", system.name)
+        said = system.run(tmp_path, program("grade"), *words)
+        assert "no sandbox" in said
+        graded = json.loads((tmp_path / system.name / "runs.jsonl").read_bytes())
+        lines[system.name] = graded["outcome"]
+    assert lines[elsewhere.name] == lines["here"]
+    assert lines["here"]["status"] == "finished"

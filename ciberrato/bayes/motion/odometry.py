@@ -197,7 +197,7 @@ class GaussianOdometry:
             )
 
     def kernel_mass(self, control: OdometryReading) -> FloatArray:
-        """Give the density's sum over an unbounded grid for each heading before, (headings,); ideally 1.
+        """Return the density's sum over an unbounded grid for each heading before, (headings,); ideally 1.
 
         1 without a density.
         """
@@ -357,7 +357,7 @@ class GaussianOdometry:
 
 
 def _finest_turn(noise: OdometryNoise) -> float:
-    """Give the least standard deviation that the first turn can have; a degree if nothing bounds it."""
+    """Return the least standard deviation that the first turn can have; a degree if nothing bounds it."""
     return max(noise.rotation, math.radians(1.0))
 
 

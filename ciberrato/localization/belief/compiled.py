@@ -1,4 +1,4 @@
-"""Whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
+"""Return whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
 
 Nothing is loaded by itself: importing numba takes half a second, and what it has to compile the first time
 many. `load` is called where that delays nobody: before a robot registers if the machine code is `at_hand`,
@@ -26,7 +26,7 @@ _active: ModuleType | None = None
 
 
 def choice() -> str:
-    """Give what the environment asks for.
+    """Return what the environment asks for.
 
     Returns
     -------
@@ -46,12 +46,12 @@ def choice() -> str:
 
 
 def available() -> bool:
-    """Whether numba is installed."""
+    """Return whether numba is installed."""
     return importlib.util.find_spec("numba") is not None
 
 
 def at_hand() -> bool:
-    """Whether `load` would take half a second at the most, as all is in numba's cache beside the source."""
+    """Return whether `load` takes at most half a second: all is in numba's cache beside the source."""
     if choice() == "off" or not available():
         return False
     source = Path(__file__).with_name("kernels.py")
@@ -61,7 +61,7 @@ def at_hand() -> bool:
 
 
 def kernels() -> ModuleType | None:
-    """Give the compiled loops if they are loaded and in use."""
+    """Return the compiled loops if they are loaded and in use."""
     return _active
 
 

@@ -1,11 +1,11 @@
 """Lets a program find what it would find on Windows or macOS, as far as Linux can pretend.
 
-Python imports this at its start from a folder on PYTHONPATH, so child processes get it, too. EMULATED_SYSTEM is
-``windows`` or ``macos``. Names that a system lacks are deleted where the standard library can do without them;
-others it needs for itself, on this Linux, and they are hidden from the modules of ours alone. What a system does
-differently is done so: text files and standard output in cp1252 with CR LF, no waiting for pipes, no event loop
-that watches sockets by default, errors of UDP sockets, open files that cannot be replaced or deleted, names of
-files, 127.0.0.1 as the only address of the loopback, short datagrams.
+Python imports this at its start from a folder on PYTHONPATH, so child processes get it, too. EMULATED_SYSTEM
+is ``windows`` or ``macos``. Names that a system lacks are deleted where the standard library can do without
+them; others it needs for itself, on this Linux, and they are hidden from the modules of ours alone. What a
+system does differently is done so: text files and standard output in cp1252 with CR LF, no waiting for pipes,
+no event loop that watches sockets by default, errors of UDP sockets, open files that cannot be replaced or
+deleted, names of files, 127.0.0.1 as the only address of the loopback, short datagrams.
 
 EMULATED_TRACES is a folder: a file in it tells that something was used, so that a test can see it.
 """
@@ -96,9 +96,20 @@ def trace(what):
             file.write(b"1\n")
 
 
+NOT_OF_WINDOWS = """
+    O_NOFOLLOW O_NONBLOCK O_CLOEXEC O_DIRECTORY O_SYNC pread pwrite mkfifo statvfs set_blocking sendfile
+    getuid geteuid getgid getegid uname chown fchmod fchown chroot sysconf getloadavg openpty ttyname
+    fork forkpty killpg setsid getpgid getpgrp setpgid setpgrp nice wait wait3 wait4 waitid posix_spawn
+    sched_getaffinity sched_setaffinity sched_yield pipe2 memfd_create eventfd
+"""
 REAL_OPEN = io.open
 REAL_SELECT = select.select
 REAL_LISTDIR, REAL_READLINK, REAL_STAT = os.listdir, os.readlink, os.stat
+
+
+def spawn_only():
+    contexts = multiprocessing.context
+    contexts._default_context._default_context = contexts._concrete_contexts["spawn"]
 
 
 def windows():
@@ -107,6 +118,7 @@ def windows():
     for name in ("SIGHUP", "SIGALRM", "SIGUSR1", "SIGUSR2", "SIGVTALRM", "SIGPROF", "alarm", "setitimer"):
         delattr(signal, name)
     signal.SIGBREAK = signal.SIGQUIT
+    signal.CTRL_C_EVENT, signal.CTRL_BREAK_EVENT = 0, 1
     subprocess.CREATE_NEW_PROCESS_GROUP = 0x200
     socket.SO_EXCLUSIVEADDRUSE = ~socket.SO_REUSEADDR
     known = {"SIGINT", "SIGTERM", "SIGBREAK", "SIGABRT", "SIGFPE", "SIGILL", "SIGSEGV"}
@@ -115,19 +127,14 @@ def windows():
         [name for name in vars(signal) if name.startswith("SIG") and name[3] != "_" and name not in known]
         + ["pthread_kill", "pthread_sigmask", "sigwait", "siginterrupt", "pause", "getitimer"],
     )
-    files = ["O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_DIRECTORY", "O_SYNC", "pread", "pwrite", "mkfifo"]
-    users = ["getuid", "geteuid", "getgid", "getegid", "getlogin", "uname", "chown", "fchmod", "fchown", "chroot"]
-    groups = ["fork", "forkpty", "killpg", "setsid", "getpgid", "getpgrp", "setpgid", "setpgrp", "nice", "wait"]
-    processes = ["sched_getaffinity", "sched_setaffinity", "sched_yield", "posix_spawn", "wait3", "wait4", "waitid"]
-    others = ["sysconf", "getloadavg", "openpty", "ttyname", "set_blocking", "statvfs", "pipe2", "memfd_create"]
-    masked(os, [*files, *users, *groups, *processes, *others], {"name": "nt"})
+    masked(os, NOT_OF_WINDOWS.split(), {"name": "nt"})
     masked(socket, ["AF_UNIX", "TCP_QUICKACK", "recv_fds", "send_fds", "sethostname"])
     masked(sys, (), {"platform": "win32"})
     without_modules("fcntl", "resource", "pwd", "grp", "termios", "tty", "pty", "posix")
     without_proc()
     for method in ("fork", "forkserver"):
         multiprocessing.context._concrete_contexts.pop(method)
-    multiprocessing.context._default_context._default_context = multiprocessing.context._concrete_contexts["spawn"]
+    spawn_only()
     windows_signals()
     windows_sockets()
     windows_loops()
@@ -254,7 +261,9 @@ def windows_processes():
         begin(self, *arguments, **options)
 
     def send(self, number):
-        if self.poll() is None:
+        if self.poll() is None and number == signal.CTRL_BREAK_EVENT:
+            KILL(self.pid, signal.SIGBREAK)
+        elif self.poll() is None:
             if number != signal.SIGTERM:
                 raise ValueError(f"Unsupported signal: {number}")
             KILL(self.pid, 9)
@@ -263,7 +272,11 @@ def windows_processes():
         send(self, signal.SIGTERM)
 
     subprocess.Popen.__init__ = start
-    subprocess.Popen.send_signal, subprocess.Popen.terminate, subprocess.Popen.kill = send, terminate, terminate
+    subprocess.Popen.send_signal, subprocess.Popen.terminate, subprocess.Popen.kill = (
+        send,
+        terminate,
+        terminate,
+    )
 
 
 KILL = os.kill
@@ -315,13 +328,13 @@ def windows_files():
         if isinstance(path, str | Path) and set(str(path)) & set('<>:"|?*\\'):
             raise OSError(errno.EINVAL, "[WinError 123] the name is not a file's", str(path))
 
-    def open_in_cp1252(file, mode="r", buffering=-1, encoding=None, errors=None, newline=None, *rest, **more):
+    def open_in_cp1252(file, mode="r", buffering=-1, encoding=None, errors=None, newline=None, *rest):
         named(file)
         if "b" not in mode:
             encoding = "cp1252" if encoding in (None, "locale") else encoding
             if newline is None and set(mode) & set("wax+"):
                 newline = "\r\n"
-        return open_any(file, mode, buffering, encoding, errors, newline, *rest, **more)
+        return open_any(file, mode, buffering, encoding, errors, newline, *rest)
 
     def mkdir(path, *rest, **options):
         named(path)
@@ -375,7 +388,7 @@ def macos():
     masked(socket, ["TCP_QUICKACK"])
     masked(sys, (), {"platform": "darwin"})
     without_proc()
-    multiprocessing.context._default_context._default_context = multiprocessing.context._concrete_contexts["spawn"]
+    spawn_only()
     socket.socket = MacSocket
 
 
