@@ -79,19 +79,23 @@ class Interrupts:
         """Ignore the signals for the rest of the process: it is done but for going down."""
         for number in self._former:
             signal.signal(number, signal.SIG_IGN)
+        self._close_ends()
 
     def close(self) -> None:
         """Restore the signal handlers that were there before."""
+        self._close_ends()
+        self._armed = False
+        for number, handler in self._former.items():
+            signal.signal(number, handler)
+        self._former.clear()
+
+    def _close_ends(self) -> None:
         if self._ends is not None:
             if self._former:
                 signal.set_wakeup_fd(self._former_wakeup)
             for end in self._ends:
                 end.close()
             self._ends = None
-            self._armed = False
-        for number, handler in self._former.items():
-            signal.signal(number, handler)
-        self._former.clear()
 
     @property
     def status(self) -> int:

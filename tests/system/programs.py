@@ -36,7 +36,7 @@ class System:
         self.name = name
         self.traces = folder / "traces"
         self.traces.mkdir(exist_ok=True)
-        self.environment = {**os.environ, "PYTHONWARNINGS": "error"}
+        self.environment = {**os.environ, "PYTHONWARNINGS": "error", "CIBERRATO_COMPILED": "off"}
         if name != "here":
             self.environment |= {
                 "PYTHONPATH": str(EMULATED),
@@ -75,7 +75,7 @@ class System:
         with self.running(folder, *words) as started:
             said = started.stdout.read()
             assert started.wait() == status, said
-            assert "Traceback" not in said
+            assert "Traceback" not in said, said
             return said
 
     def interrupt(self, started):
@@ -83,7 +83,7 @@ class System:
         number = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT)
         started.send_signal(signal.SIGQUIT if self.name == "windows" else number)
         said = started.stdout.read()
-        assert "Traceback" not in said
+        assert "Traceback" not in said, said
         return started.wait(), said
 
 

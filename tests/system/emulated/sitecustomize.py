@@ -103,6 +103,7 @@ NOT_OF_WINDOWS = """
     sched_getaffinity sched_setaffinity sched_yield pipe2 memfd_create eventfd
 """
 REAL_OPEN = io.open
+REAL_SOCKET = socket.socket
 REAL_SELECT = select.select
 REAL_LISTDIR, REAL_READLINK, REAL_STAT = os.listdir, os.readlink, os.stat
 
@@ -199,10 +200,10 @@ class WindowsSocket(socket.socket):
         return data
 
     def recv(self, most, *flags):
-        return self._taken(socket.socket.recv, most, flags)
+        return self._taken(REAL_SOCKET.recv, most, flags)
 
     def recvfrom(self, most, *flags):
-        return self._taken(socket.socket.recvfrom, most, flags)
+        return self._taken(REAL_SOCKET.recvfrom, most, flags)
 
     def sendto(self, *arguments):
         try:
@@ -225,8 +226,6 @@ def windows_sockets():
             raise OSError(errno.ENOTSOCK, "[WinError 10038] not a socket")
         return REAL_SELECT(reading, writing, failing, *seconds)
 
-    for name in ("recv", "recvfrom"):
-        setattr(WindowsSocket, name, getattr(WindowsSocket, name))
     socket.socket = WindowsSocket
     socket.socketpair = pair
     select.select = select_sockets
@@ -328,13 +327,13 @@ def windows_files():
         if isinstance(path, str | Path) and set(str(path)) & set('<>:"|?*\\'):
             raise OSError(errno.EINVAL, "[WinError 123] the name is not a file's", str(path))
 
-    def open_in_cp1252(file, mode="r", buffering=-1, encoding=None, errors=None, newline=None, *rest):
+    def open_in_cp1252(file, mode="r", buffering=-1, encoding=None, errors=None, newline=None, *rest, **more):
         named(file)
         if "b" not in mode:
             encoding = "cp1252" if encoding in (None, "locale") else encoding
             if newline is None and set(mode) & set("wax+"):
                 newline = "\r\n"
-        return open_any(file, mode, buffering, encoding, errors, newline, *rest)
+        return open_any(file, mode, buffering, encoding, errors, newline, *rest, **more)
 
     def mkdir(path, *rest, **options):
         named(path)
