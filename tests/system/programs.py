@@ -12,7 +12,8 @@ from pathlib import Path
 
 BIN = Path(sys.executable).parent
 EMULATED = Path(__file__).parent / "emulated"
-SECONDS = 120.0
+SECONDS = 600.0
+"""After which a program is killed that hangs; machines may be busy."""
 
 
 def program(name):

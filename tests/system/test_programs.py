@@ -28,19 +28,19 @@ CLOCK = re.compile(rb'"\w*(wall|seconds|_ms)": ?[^,}\]]+[^,}]*|Date="[^"]*"')
 
 
 def drive(system, folder, transport):
-    """Let the agent drive in lockstep to the end; return what it left, by name of the file."""
+    """Let the agent drive in lockstep to the wall; return what it left, by name of the file."""
     folder.mkdir()
     simulator = (
-        *(program("simulator"), "--lab", "corridors", "--grid", "corridors", "--seed", "1", "--port", "0"),
-        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep"),
+        *(program("simulator"), "--lab", "standard", "--grid", "standard", "--seed", "1", "--port", "0"),
+        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep", "--answer-limit", "inf"),
         *("--log", "log.xml", "--result", "result.json"),
     )
     with system.running(folder, *simulator) as simulation:
         port = until(simulation, rf"{transport} \S+:(\d+)")[1]
         system.run(
             folder,
-            *(program("agent"), "-h", f"127.0.0.1:{port}", "-m", "corridors", "--transport", transport),
-            *("--drive", "goto:3,7", "--exit-when-finished", "--lockstep", "--log", "run.jsonl"),
+            *(program("agent"), "-h", f"127.0.0.1:{port}", "-m", "standard", "--transport", transport),
+            *("--exit-at-wall", "--lockstep", "--log", "run.jsonl"),
         )
         status, said = system.interrupt(simulation)
         assert status == 0, said
