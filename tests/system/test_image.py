@@ -60,7 +60,7 @@ def image(tmp_path_factory):
 
 
 def contained(image, entry, *words):
-    """A command line in a container as far as bubblewrap makes one: another user, nothing to write but /runs."""
+    """A command line in a container as far as bubblewrap makes one: not root, nothing to write but /runs."""
     environment = dict(
         re.findall(r"(\w+)=(\S+)", next(words for name, words in instructions() if name == "ENV"))
     )
