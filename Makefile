@@ -25,7 +25,8 @@ setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
 demo: $(VENV)/.runtime  ## the whole path once: simulator, agent, localization.out, a table and a figure
 	$(BIN)/python -m ciberrato demo
 
-lint: $(VENV)/.stamp  ## ruff and mypy
+lint: $(VENV)/.stamp  ## ruff, codespell and mypy
+	$(BIN)/codespell
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

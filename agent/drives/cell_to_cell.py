@@ -121,7 +121,7 @@ class CellDrive:
     # --- every cycle ------------------------------------------------------------------------------------
 
     def observe(self, measures: Measures, pose_filter: GridFilter, last: Command | None) -> None:
-        """Take in a message, whoever decides on the answer.
+        """Take in a message, also where another drive decides on the answer.
 
         Parameters
         ----------

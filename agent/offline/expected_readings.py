@@ -148,7 +148,7 @@ def compute_expected_readings(
 
 
 def standable_cells(lab: Lab) -> NDArray[np.bool_]:
-    """Tell in which cell centres a robot can stand.
+    """Return in which cell centres a robot can stand.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What of a live belief goes into the log, for whoever shows it: cells and modes, as often as they change."""
+"""The part of a live belief that goes into the log, for viewers: cells and modes, as often as they change."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 SIGINT, SIGTERM and SIGHUP are taken alike. Until `Interrupts.arm` there is nothing to save: a signal ends
 the process at once, with one line. From then on a signal is only noted and makes `Interrupts.fileno`
-readable, so that whoever waits in `select` wakes up; every further one is noted, too, and otherwise
+readable, so that a `select` on it wakes up; every further one is noted, too, and otherwise
 ignored.
 
 This module is imported before all others and imports next to nothing.

@@ -114,7 +114,7 @@ class Axis:
         return np.asarray(cells % self.size if self.periodic else np.minimum(cells, self.size - 1))
 
     def difference(self, to: ArrayLike, start: ArrayLike) -> FloatArray:
-        """Give `to - start`, the short way round [-length / 2, length / 2) on a periodic axis."""
+        """Return `to - start`, the short way round [-length / 2, length / 2) on a periodic axis."""
         delta: FloatArray = np.asarray(np.subtract(to, start), dtype=np.float64)
         if not self.periodic:
             return delta

@@ -25,7 +25,7 @@ class Scoring:
         Files that the real simulator leaves in its working directory, by name. They appear when a robot
         begins at time 0, and each robot overwrites those of the one before.
     notes : list of str
-        What people may want to know, a line each; whoever tells them takes it out.
+        Notes for the user, a line each; the caller that reports them takes them out.
     """
 
     mode: ClassVar[int]

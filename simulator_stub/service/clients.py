@@ -30,7 +30,7 @@ class RobotClient:
     arrived : int
         Messages taken so far.
     commands : int
-        Motor commands among them since whoever counts them set it to 0.
+        Motor commands among them since its reader set it to 0.
     braked, moving : bool
         Whether the last of them stops the robot, though the one before did not; whether it moves it.
     answers : Answers

@@ -14,7 +14,7 @@ class SimulatorState(Enum):
     """What the simulator as a whole is doing; the value is the word for logs."""
 
     READY = "Ready"
-    """Nobody has registered since the beginning, or since a Reset."""
+    """No robot has registered since the beginning, or since a Reset."""
     STOPPED = "Stopped"
     """Robots stand still; sensors, LEDs and messages work."""
     RUNNING = "Running"

@@ -93,7 +93,7 @@ def bound_names(path):
             yield f"{node.lineno}: {node.value!r}"
 
 
-# bubblewrap is Linux's; its options name paths inside the sandbox. The supervisor hands on what the room says.
+# bubblewrap is Linux's: options name paths inside. The supervisor hands on what the room says.
 ELSEWHERE = {
     "ciberrato/grading/sandbox.py": ("'/proc'", "'/dev'"),
     "ciberrato/grading/supervisor.py": ("preexec_fn=",),

@@ -128,7 +128,7 @@ def turn_matrix(size: int, turn: float, sigma: float, *, before: int = 1, after:
 
 @lru_cache(maxsize=16)
 def _turned(size: int, parts: int) -> IntArray:
-    """Give [k, i]: the part of a cell that k cells' turn brings to part i, (size, size * parts)."""
+    """Return [k, i]: the part of a cell that k cells' turn brings to part i, (size, size * parts)."""
     return (np.arange(size * parts) - parts * np.arange(size)[:, np.newaxis]) % (size * parts)
 
 

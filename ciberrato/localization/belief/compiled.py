@@ -1,7 +1,7 @@
 """Return whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
 
 Nothing is loaded by itself: importing numba takes half a second, and what it has to compile the first time
-many. `load` is called where that delays nobody: before a robot registers if the machine code is `at_hand`,
+many. `load` is called where that delays no answer: before a robot registers if the machine code is `at_hand`,
 else in a thread after another process has compiled; and before an evaluation.
 As a program this module leaves the machine code in numba's cache: compiling takes many seconds, reading it a
 tenth of one. ``CIBERRATO_COMPILED`` is ``auto`` (the default: if numba is there), ``on`` or ``off``.

@@ -1,4 +1,4 @@
-"""What a GPS tells that reads the place plus an offset which nobody knows.
+"""Evidence of a GPS that reads the position plus an unknown offset.
 
 It does not say where the robot is, but how it has moved. That is worth three things:
 
