@@ -10,6 +10,8 @@ import os
 import signal
 import sys
 
+from ciberrato.system.signals import ENDING
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -67,7 +69,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 def _take_signals() -> dict[int, Callable[[int, FrameType | None], object] | int | None]:
     """Let both signals end the process at once, until the server has handlers of its own."""
     try:
-        return {number: signal.signal(number, _leave) for number in (signal.SIGINT, signal.SIGTERM)}
+        return {number: signal.signal(number, _leave) for number in ENDING}
     except ValueError:  # not in the main thread: the caller there stops us otherwise
         return {}
 

@@ -7,10 +7,10 @@ A subcommand is a module here with ``make_parser()`` and ``run(options, interrup
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 
 from ciberrato.errors import CiberratoError, UsageError, did_you_mean
+from ciberrato.system.process import output_has_gone
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -65,8 +65,8 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
 
         Reporter().warn(str(error))
         return 2
-    except BrokenPipeError:
-        # The reader of our output has seen enough; what is still buffered must not fail at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if not output_has_gone(error):
+            raise
         return 0
     return status

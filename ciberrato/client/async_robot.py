@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import time
 from collections.abc import AsyncIterator, Iterable
 from pathlib import Path
@@ -16,6 +15,7 @@ from ciberrato.client.errors import no_answer
 from ciberrato.client.run_recorder import RunRecorder
 from ciberrato.net.link import LinkError
 from ciberrato.protocol import Acceptance, encode
+from ciberrato.system.loops import readable
 
 if TYPE_CHECKING:
     from ciberrato.protocol.messages import Measures
@@ -113,12 +113,4 @@ class AsyncRobot(Controls):
 
     async def _readable(self, seconds: float) -> None:
         """Wait until something has arrived, or for some seconds."""
-        loop = asyncio.get_running_loop()
-        ready = asyncio.Event()
-        descriptor = self._link_channel.link.fileno()
-        loop.add_reader(descriptor, ready.set)
-        try:
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(ready.wait(), seconds)
-        finally:
-            loop.remove_reader(descriptor)
+        await readable(self._link_channel.link.fileno(), max(0.0, seconds))

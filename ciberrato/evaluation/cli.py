@@ -15,6 +15,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.evaluation.options import PROGRAM, make_parser
+from ciberrato.system.process import output_has_gone
 
 if TYPE_CHECKING:
     from ciberrato.evaluation.attempt import Result
@@ -46,9 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except _TerminatedError:
         print(f"\n{PROGRAM}: terminated; the same command goes on from here", file=sys.stderr)
         return 143
-    except BrokenPipeError:
-        # The reader of our output has seen enough; what is still buffered must not fail at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if not output_has_gone(error):
+            raise
         return 0
     except KeyboardInterrupt:
         print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.system.process import output_has_gone
 
 PROGRAM = "ciberrato-grade"
 
@@ -33,9 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
         sys.stdout.flush()
         return status
-    except BrokenPipeError:
-        # The reader of our output has seen enough; what is still buffered must not fail at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if not output_has_gone(error):
+            raise
         return 0
     except CiberratoError as error:
         for line in str(error).splitlines():

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import tempfile
 import threading
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ from ciberrato.grading.supervisor import supervisor_command
 from ciberrato.grading.task import Task
 from ciberrato.grading.workspace import copy_folder
 from ciberrato.processes import module_command
+from ciberrato.system.process import apart
+from ciberrato.system.sockets import has_address
 
 FIXED_PORT = 6000
 ATTEMPTS = 5
@@ -85,9 +88,13 @@ class Launcher:
         if failure is not None:
             return Outcome(status="not built", detail="see the output", targets=targets), {"tail": failure}
         for attempt in range(ATTEMPTS):
-            with tempfile.TemporaryDirectory(dir=self._temporary, ignore_cleanup_errors=True) as name:
+            with (
+                self._addresses.turn(task.agent.command, self._kind),
+                tempfile.TemporaryDirectory(dir=self._temporary, ignore_cleanup_errors=True) as name,
+            ):
                 folder = Path(name)
-                document = self._supervise(self._wanted(task, files, folder, self._port(attempt)))
+                port = self._port(attempt, task.agent.command)
+                document = self._supervise(self._wanted(task, files, folder, port))
                 if document["error"] is None:
                     outcome = judge(
                         document,
@@ -101,14 +108,17 @@ class Launcher:
                     return outcome, {name: document[name] for name in names}
             if not document["busy"]:
                 break
-            if not any("{port}" in word for word in task.agent.command):
+            if not takes_port(task.agent.command):
                 hint = "end the program that has the port, use --sandbox bwrap, or {port} in the command"
                 raise RunError(f"{document['error']}; {hint}")
         raise RunError(str(document["error"]))
 
-    def _port(self, attempt: int) -> int:
-        """Choose a port: 6000, and others only where a program listens on that of all addresses."""
-        return FIXED_PORT if attempt == 0 or self._kind == "bwrap" else 20_000 + secrets.randbelow(12_000)
+    def _port(self, attempt: int, command: Sequence[str]) -> int:
+        """Choose a port: 6000, and others where all runs have one address or a program listens on all."""
+        shared = not self._addresses.several and takes_port(command)
+        if self._kind == "bwrap" or (attempt == 0 and not shared):
+            return FIXED_PORT
+        return 20_000 + secrets.randbelow(12_000)
 
     def end(self) -> None:
         """End all runs that go on; those that are begun afterwards end at once."""
@@ -221,7 +231,7 @@ class Launcher:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            start_new_session=True,  # a Ctrl-C is for us alone
+            **apart(),  # a Ctrl-C is for us alone
         )
         self._running.add(process)
         assert process.stdin is not None
@@ -251,6 +261,11 @@ class Launcher:
             raise RunError(f"the process that looks after the run failed: {last}") from None
 
 
+def takes_port(command: Sequence[str]) -> bool:
+    """Tell whether an agent is told the port; others go to 6000."""
+    return any("{port}" in word for word in command)
+
+
 def _filled(word: str, values: dict[str, str]) -> str:
     for name, value in values.items():
         word = word.replace(name, value)
@@ -258,14 +273,27 @@ def _filled(word: str, values: dict[str, str]) -> str:
 
 
 class _Addresses:
-    """Addresses of the loopback that others are not likely to have."""
+    """Addresses of the loopback that others are not likely to have.
+
+    macOS has 127.0.0.1 only. There, agents that are not told the port run one after the other.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._next = secrets.randbelow(1 << 22)
+        self.several = has_address("127.64.0.1")
+        self._fixed_port = threading.Lock()
+
+    def turn(self, command: Sequence[str], kind: str) -> contextlib.AbstractContextManager[object]:
+        """Return what waits for the turn of a run, and ends it."""
+        if self.several or kind == "bwrap" or takes_port(command):
+            return contextlib.nullcontext()
+        return self._fixed_port
 
     def take(self) -> str:
         """Return the next one."""
+        if not self.several:
+            return "127.0.0.1"
         with self._lock:
             self._next += 1
             number = self._next

@@ -7,7 +7,6 @@ depends on. A torn last line is run again.
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -23,6 +22,7 @@ from ciberrato.grading.outcome import Outcome
 from ciberrato.grading.task import Task
 from ciberrato.progress import ProgressBar
 from ciberrato.reprs import short_repr
+from ciberrato.system.process import processors
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,5 +168,4 @@ def _side_by_side(
 
 def jobs_by_default(*, lockstep: bool) -> int:
     """Return how many runs there are at a time: in real time one for two processors, as clocks count."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, cores if lockstep else cores // 2)
+    return max(1, processors() if lockstep else processors() // 2)

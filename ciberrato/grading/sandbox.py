@@ -12,17 +12,25 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ciberrato.errors import UsageError
 from ciberrato.processes import ROOT
+from ciberrato.system import descendants
+from ciberrato.system.process import system_variables
 
 KINDS = ("auto", "bwrap", "none")
 
+_LIMITED = {
+    "all": "processes, memory and time are limited all the same",
+    "memory": "memory and time are limited all the same, processes are not here",
+    "nothing": "time is limited all the same, processes and memory are not here",
+}
 WITHOUT = (
-    "no sandbox: agents can read and change whatever you can, and use the network; processes, memory and "
-    "time are limited all the same"
+    "no sandbox: agents can read and change whatever you can, and use the network; "
+    f"{_LIMITED[descendants.MEASURES]}"
 )
 """What `none` means, in a line."""
 
@@ -72,15 +80,15 @@ def choose(kind: str) -> str:
 
 def _why_not() -> str | None:
     """Return why bubblewrap cannot be used, by using it exactly as a run does."""
-    if sys.platform != "linux" or shutil.which("bwrap") is None:
+    if descendants.MEASURES != "all" or shutil.which("bwrap") is None:
         return "there is no bwrap here"
     command = around_run(around_agent(["true"], Path("/tmp"), "/tmp", megabytes=1, processes=8, readable=()))
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+        done = subprocess.run(command, capture_output=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"bwrap does not work here: {error}"
     if done.returncode:
-        lines = done.stderr.strip().splitlines()
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
         return f"bwrap does not work here: {lines[-1] if lines else f'exit status {done.returncode}'}"
     return None
 
@@ -168,8 +176,9 @@ def environment_of_agent(extra: Mapping[str, str]) -> dict[str, str]:
     here = str(Path(sys.executable).parent)
     path = os.environ.get("PATH", os.defpath)
     return {
+        **system_variables(),
         "PATH": os.pathsep.join([here, *(part for part in path.split(os.pathsep) if part and part != here)]),
-        "HOME": "/tmp",
+        "HOME": "/tmp" if os.path.isdir("/tmp") else tempfile.gettempdir(),
         "LANG": "C.UTF-8",
         "PYTHONDONTWRITEBYTECODE": "1",
         "PYTHONHASHSEED": "0",

@@ -12,6 +12,7 @@ from typing import Any
 
 from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.system.process import output_has_gone
 
 PROGRAM = "ciberrato-lab"
 
@@ -35,8 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status: int = options.run(options)
         sys.stdout.flush()
         return status
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if not output_has_gone(error):
+            raise
         return 0
     except CiberratoError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import contextlib
 import sys
 from collections.abc import Callable, Sequence
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.system.loops import run_with_sockets
 
 if TYPE_CHECKING:
     from ciberrato.viewer.server import Server
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         options = _parser().parse_args(arguments)
-        return asyncio.run(_serve(options))
+        return run_with_sockets(_serve(options))
     except KeyboardInterrupt:
         return 0
     except CiberratoError as error:

@@ -35,7 +35,7 @@ class ReferenceFiles(Observer):
         if documents != self._written:
             for name, text in documents.items():
                 try:
-                    (self._folder / name).write_text(text, encoding="ascii")
+                    (self._folder / name).write_text(text, encoding="ascii", newline="\n")
                 except OSError as error:
                     raise UsageError(f"{self._folder / name}: {error.strerror}") from None
             self._written = dict(documents)

@@ -86,7 +86,7 @@ class Results(Observer):
         draft = self._path.with_name(self._path.name + ".part")
         text = json.dumps({"format": FORMAT, "runs": self.runs}, indent=2) + "\n"
         try:
-            draft.write_text(text, encoding="utf-8")
+            draft.write_text(text, encoding="utf-8", newline="\n")
             os.replace(draft, self._path)
         except OSError as error:
             raise UsageError(f"{self._path}: cannot be written ({error.strerror})") from None

@@ -8,6 +8,7 @@ import socket
 from collections.abc import Callable, Iterator, Sequence
 
 from ciberrato.errors import UsageError
+from ciberrato.system.signals import ENDING
 from simulator_stub.service.pace import Pace
 from simulator_stub.service.readiness import Readiness
 from simulator_stub.service.session import Session
@@ -131,7 +132,7 @@ class Server:
     def stopping_on_signals(self) -> Iterator[None]:
         """Let SIGINT and SIGTERM stop the server while the block runs; only in the main thread."""
         before_alarm = signal.set_wakeup_fd(self._alarm.fileno(), warn_on_full_buffer=False)
-        before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        before = {number: signal.getsignal(number) for number in ENDING}
         for number in before:
             signal.signal(number, lambda *_: self.stop())
         try:

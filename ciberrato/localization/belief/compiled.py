@@ -9,7 +9,6 @@ tenth of one. ``CIBERRATO_COMPILED`` is ``auto`` (the default: if numba is there
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import os
 import sys
@@ -99,6 +98,7 @@ def load() -> bool:
 
 
 if __name__ == "__main__":
-    with contextlib.suppress(OSError):
-        os.nice(5)  # the loop that waits for this comes first
+    from ciberrato.system.process import lower_priority
+
+    lower_priority()  # the loop that waits for this comes first
     sys.exit(0 if load() else 1)

@@ -8,13 +8,13 @@ output, a number a line, and behind that the most memory held, in megabytes.
 from __future__ import annotations
 
 import contextlib
-import os
 import pickle
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from ciberrato.reprs import short_repr
+from ciberrato.system.process import lower_priority
 from ciberrato.world.lab import Lab
 
 
@@ -41,11 +41,10 @@ def main() -> int:
     """
     request = pickle.load(sys.stdin.buffer)
     assert isinstance(request, TableRequest)
-    with contextlib.suppress(OSError):
-        os.nice(5)  # the loop that waits for this comes first
+    lower_priority()  # the loop that waits for this comes first
     from ciberrato.localization.tables.cache import write_tables
-    from ciberrato.localization.tables.memory import memory_megabytes
     from ciberrato.localization.tables.pose_tables import build_tables
+    from ciberrato.system.memory import memory_megabytes
 
     shown = -1
 

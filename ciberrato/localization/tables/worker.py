@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ciberrato.processes import module_command
+from ciberrato.system.process import apart
 
 if TYPE_CHECKING:
     from ciberrato.localization.tables.pose_tables import PoseTables
@@ -161,7 +162,7 @@ class TableWorker:
     def _compile_loops(self) -> bool:
         command = module_command("ciberrato.localization.belief.compiled")
         nothing = subprocess.DEVNULL
-        self._warming = subprocess.Popen(command, stdin=nothing, stderr=nothing, start_new_session=True)
+        self._warming = subprocess.Popen(command, stdin=nothing, stderr=nothing, **apart())
         if self._stopped:
             self._warming.terminate()
         return self._warming.wait() == 0 and not self._stopped
@@ -197,7 +198,7 @@ class TableWorker:
             module_command("ciberrato.localization.tables.build"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,
+            **apart(),
         )
         if self._stopped:
             self._process.terminate()

@@ -10,6 +10,7 @@ import contextlib
 import socket
 
 from ciberrato.protocol import MESSAGE_LIMIT
+from ciberrato.system.sockets import keep_port
 from simulator_stub.service.readiness import Readiness
 from simulator_stub.service.transports.base import Newcomer, Peer, Transport, Welcome, ignore
 
@@ -19,8 +20,8 @@ READ_SIZE = 65536
 BACKLOG_LIMIT = 1 << 20
 """Bytes that may wait for a client that does not read; beyond them it is cut off."""
 
-CONNECTION_LIMIT = 512
-"""Connections at a time; further ones are closed at once."""
+CONNECTION_LIMIT = 480
+"""Connections at a time; further ones are closed at once. Some systems can wait for 512 sockets only."""
 
 _QUICK_ACKNOWLEDGEMENT: int | None = getattr(socket, "TCP_QUICKACK", None)
 _ONCE = 2
@@ -40,8 +41,7 @@ class TcpTransport(Transport):
 
     def open(self, host: str, port: int) -> None:
         """Listen."""
-        # Without this, connections of a simulator that has just ended keep the port for a minute.
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        keep_port(self._socket)
         self._socket.bind((host, port))
         self._socket.listen()
         self._socket.setblocking(False)

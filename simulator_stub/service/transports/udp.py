@@ -11,6 +11,7 @@ import socket
 
 from ciberrato.protocol import encode
 from ciberrato.protocol.binary import decode_binary_registration, is_binary_registration
+from ciberrato.system.sockets import keep_port
 from simulator_stub.service.readiness import Readiness
 from simulator_stub.service.transports.base import Newcomer, Peer, Transport, Welcome
 from simulator_stub.service.transports.binary import BinaryNewcomer
@@ -35,6 +36,7 @@ class UdpTransport(Transport):
 
     def open(self, host: str, port: int) -> None:
         """Bind the main socket, exclusively."""
+        keep_port(self._socket)
         self._socket.bind((host, port))
         self._socket.setblocking(False)
         self._host = host
@@ -66,7 +68,7 @@ class UdpTransport(Transport):
         own.connect(address)
         with contextlib.suppress(OSError):
             while True:
-                own.recv(1)
+                own.recv(READ_SIZE)
         peer = UdpPeer(self, own, address)
         self._peers.add(peer)
         assert self._readiness is not None
