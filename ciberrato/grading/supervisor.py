@@ -127,7 +127,7 @@ class Run:
             # The simulator ends by itself, as its robot is silent; only should it not, it is ended.
             self._until(lambda: False, 60.0 + 2.0 * limits["silence"])
         run = _last_run(self._wanted.get("result")) or {}
-        until = time.monotonic() + run.get("grace", GRACE)
+        until = time.monotonic() + run.get("grace", self._wanted.get("grace", GRACE))
         while not self._agent_ended() and time.monotonic() < until and not self._orphaned:
             self._look(LOOK)
         return self._document(began)
