@@ -11,6 +11,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
+from ciberrato.labs import find_grid, find_lab, names
 from ciberrato.plaintext import plain
 from ciberrato.testing.picture import picture_command
 from ciberrato.testing.runs import AgentRun, result_of
@@ -19,6 +20,7 @@ from ciberrato.testing.simulators import RunningSimulator
 _MOST_KEPT = 10
 """Runs of one test of which all is kept."""
 
+_MOST_NAMES = 20
 _LAST_LINES = 12
 
 
@@ -58,7 +60,9 @@ def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str
         Lines for people.
     """
     shutil.rmtree(folder, ignore_errors=True)
-    lines = []
+    folder.mkdir(parents=True)
+    (folder.parent / ".gitignore").write_text("*\n", encoding="utf-8")  # it is not for the repository
+    lines: list[str] = []
     for number, run in enumerate(runs[:_MOST_KEPT], 1):
         place = folder / f"run-{number}"
         if isinstance(run, RunningSimulator):
@@ -66,20 +70,31 @@ def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str
         shutil.copytree(run.folder, place, symlinks=True)
         shown = Path(os.path.relpath(place, start))
         head, outcome, output = _words(run)
-        lines += [f"run {number}: {plain(head)}", f"  outcome    {plain(outcome)}"]
-        lines += [f"  output   | {plain(line)}" for line in output.strip().splitlines()[-_LAST_LINES:]]
-        lines.append(f"  picture    {_picture(run, place, shown, outcome)}")
-        lines.append(f"  files      {shown}{os.sep}: {', '.join(sorted(os.listdir(place)))}")
-        lines.append(
-            f"  watch it   {shlex.join(['ciberrato-viewer', '--open', '--run', str(shown / 'log.xml')])}"
+        picture = _picture(run, place, outcome)
+        lines += [f"run {number}: {plain(head)}", f"  outcome   {plain(outcome)}"]
+        said = [f"| {plain(line)}" for line in output.strip().splitlines()[-_LAST_LINES:]]
+        lines += _labelled("it said", said or ["nothing"])
+        lines += _labelled("picture", [picture if picture.startswith("none") else str(shown / picture)])
+        lines += _labelled("kept in", [f"{shown}{os.sep}", ", ".join(_listed(place))])
+        lines += _labelled(
+            "watch it", [shlex.join(["ciberrato-viewer", "--open", "--run", str(shown / "log.xml")])]
         )
-        again = _by_hand(run, shown)
-        lines.append(f"  by hand    {again[0]}")
-        lines += [f"             {word}" for word in again[1:]]
+        lines += _labelled("by hand", _by_hand(run, shown))
     if len(runs) > _MOST_KEPT:
         lines.append(f"{len(runs) - _MOST_KEPT} more runs of this test are not kept")
-    lines.append(f"again: {shlex.join(['python', '-m', 'pytest', test])}")
+    lines.append(f"the test again: {shlex.join(['python', '-m', 'pytest', test])}")
     return lines
+
+
+def _labelled(label: str, texts: Sequence[str]) -> list[str]:
+    """Put a label before the first of several lines."""
+    return [f"  {label if number == 0 else '':9s} {text}" for number, text in enumerate(texts)]
+
+
+def _listed(place: Path) -> list[str]:
+    """List what is in a folder; what the agent wrote by name."""
+    found = sorted(path.relative_to(place).as_posix() for path in place.rglob("*") if path.is_file())
+    return found[:_MOST_NAMES] + ["..."] * (len(found) > _MOST_NAMES)
 
 
 def _words(run: AgentRun | RunningSimulator) -> tuple[str, str, str]:
@@ -99,7 +114,8 @@ def _words(run: AgentRun | RunningSimulator) -> tuple[str, str, str]:
     return head, "; ".join([f"{result['time']} cycles", *robots]), run.messages
 
 
-def _picture(run: AgentRun | RunningSimulator, place: Path, shown: Path, outcome: str) -> str:
+def _picture(run: AgentRun | RunningSimulator, place: Path, outcome: str) -> str:
+    """Draw the track; return the picture's name, or why there is none."""
     truth = place / "truth.csv"
     if not truth.is_file() or truth.read_bytes().count(b"\n") < 2:
         return "none: no robot was there"
@@ -111,15 +127,27 @@ def _picture(run: AgentRun | RunningSimulator, place: Path, shown: Path, outcome
         return "none: drawing it took too long"
     if done.returncode:
         return f"none: {done.stderr.strip().rpartition(chr(10))[2]}"
-    return str(shown / "track.png")
+    return "track.png"
+
+
+def _short(path: Path, kind: str) -> str:
+    """Return the name of what ships, the path of all else."""
+    name = path.name.removesuffix(f"_{kind}.xml")
+    find = find_lab if kind == "lab" else find_grid
+    return (
+        name
+        if name in names(kind) and not Path(name).exists() and find(name).absolute() == path
+        else str(path)
+    )
 
 
 def _by_hand(run: AgentRun | RunningSimulator, shown: Path) -> list[str]:
     """Return command lines that do the run again, in two terminals."""
     world = run._world
     simulator = [
-        *("ciberrato-simulator", "--lab", str(world.lab), "--param", str(shown / "parameters.xml")),
-        *(("--grid", str(world.grid)) if world.grid is not None else ()),
+        *("ciberrato-simulator", "--lab", _short(world.lab, "lab")),
+        *(("--grid", _short(world.grid, "grid")) if world.grid is not None else ()),
+        *("--param", str(shown / "parameters.xml")),
         *(("--scoring", str(world.scoring)) if world.scoring else ()),
         *("--seed", str(run.seed), "--autostart", "1", *(("--lockstep",) if run._lockstep else ())),
     ]

@@ -6,6 +6,7 @@ imported when a test asks for a fixture.
 
 from __future__ import annotations
 
+import functools
 import shutil
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -66,6 +67,17 @@ def _marked(item: pytest.Item) -> dict[str, Any]:
     return options
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Find no tests in what was kept of tests."""
+    if collection_path.name == Path(config.getoption("--ciberrato-failures")).name:
+        return collection_path == _kept(config) or None
+    return None
+
+
+def _kept(config: pytest.Config) -> Path:
+    return _home(config) / str(config.getoption("--ciberrato-failures"))
+
+
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Make a test of each seed."""
     if metafunc.definition.get_closest_marker("ciberrato") is None:
@@ -94,6 +106,22 @@ def ciberrato_seed(request: pytest.FixtureRequest) -> int:
     return int(_marked(request.node).get("seed", 1))
 
 
+def _told(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Let mistakes in a call be shown at the call, not in here."""
+
+    @functools.wraps(method)
+    def call(*words: Any, **options: Any) -> Any:
+        __tracebackhide__ = True
+        from ciberrato.errors import CiberratoError
+
+        try:
+            return method(*words, **options)
+        except CiberratoError as error:
+            raise error.with_traceback(None) from None
+
+    return call
+
+
 class _Bench:
     """What the fixtures share."""
 
@@ -105,15 +133,26 @@ class _Bench:
         self._marked = _marked(request.node)
         self.runs: list[AgentRun | RunningSimulator] = request.node.stash.setdefault(_RUNS, [])
 
+    def __repr__(self) -> str:
+        return f"<{self._item.name}, seed {self._seed}>"
+
     @property
     def _places(self) -> list[Path]:
         return [self._item.path.parent, self._home]
 
     def _options(self, known: Mapping[str, Any], given: Mapping[str, Any], where: str) -> dict[str, Any]:
+        from ciberrato.errors import UsageError
+        from ciberrato.grading.sandbox import KINDS
         from ciberrato.testing.options import merged
 
         usual = {name: value for name, value in self._marked.items() if name in known}
-        return merged({**known, "seed": self._seed}, usual, {"seed": self._seed}, given, where=where)
+        options = merged({**known, "seed": self._seed}, usual, {"seed": self._seed}, given, where=where)
+        seed, sandbox = options["seed"], options.get("sandbox", "none")
+        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+            raise UsageError(f"seed={seed!r}: a whole number, 0 or more, was expected")
+        if sandbox not in KINDS:
+            raise UsageError(f"sandbox={sandbox!r}: there is no such sandbox; there are: {', '.join(KINDS)}")
+        return options
 
     def _folder(self) -> Path:
         return self._temporary / f"run-{len(self.runs) + 1}"
@@ -126,9 +165,9 @@ class _Bench:
             raise UsageError(f"folder={options['folder']!r}: there is no folder {folder}")
         return folder
 
+    @_told
     def run(self, command: str | Sequence[str], **given: Any) -> AgentRun:
         """Let an agent drive once; see docs/test-your-agent.md."""
-        __tracebackhide__ = True
         from ciberrato.testing.options import RUN, agent_of, command_words, lab_of, limits_of
         from ciberrato.testing.runs import run_agent
 
@@ -141,9 +180,9 @@ class _Bench:
         self.runs.append(run)
         return run
 
+    @_told
     def simulator(self, **given: Any) -> RunningSimulator:
         """Start a simulator; see docs/test-your-agent.md."""
-        __tracebackhide__ = True
         from ciberrato.testing.options import WORLD, lab_of
         from ciberrato.testing.simulators import RunningSimulator
 
@@ -155,11 +194,11 @@ class _Bench:
         self.runs.append(simulator)
         return simulator
 
+    @_told
     def check(
         self, command: str | Sequence[str], rows: str | Sequence[str] = (), **given: Any
     ) -> list[Judged]:
         """Put an agent through the conformance check; see docs/test-your-agent.md."""
-        __tracebackhide__ = True
         from ciberrato.grading.conformance.check import check_agent, rows_named
         from ciberrato.grading.conformance.report import text_report
         from ciberrato.grading.sandbox import choose
@@ -236,7 +275,7 @@ def ciberrato_check(_ciberrato_bench: _Bench) -> Callable[..., list[Judged]]:
 def _failures(item: pytest.Item) -> Path:
     from ciberrato.testing.failures import folder_of
 
-    return _home(item.config) / str(item.config.getoption("--ciberrato-failures")) / folder_of(item.nodeid)
+    return _kept(item.config) / folder_of(item.nodeid)
 
 
 @pytest.hookimpl(wrapper=True)

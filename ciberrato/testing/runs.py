@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import filecmp
 import json
+import os
 import shutil
 import tempfile
 from dataclasses import dataclass, replace
@@ -61,7 +63,7 @@ class AgentRun:
         Bytes at most.
     folder : Path
         What is left of the run: ``log.xml``, ``truth.csv``, ``result.json``, ``parameters.xml``, and
-        ``work``, where the agent worked.
+        ``work`` with the files that the agent wrote or changed.
     """
 
     command: tuple[str, ...]
@@ -114,7 +116,7 @@ class AgentRun:
 
     @cached_property
     def files(self) -> dict[str, Path]:
-        """The files in its working folder after the run, by their names: its own, and what it wrote."""
+        """The files that it wrote or changed in its working folder, by their names, as ``mapping.out``."""
         work = self.folder / "work"
         paths = sorted(path for path in work.rglob("*") if path.is_file())
         return {path.relative_to(work).as_posix(): path for path in paths}
@@ -132,7 +134,7 @@ class _Kept(Launcher):
 
     def _simulator(self, task: Task, folder: Path, host: str, port: int) -> list[str]:
         words = super()._simulator(task, folder, host, port)
-        return [*words, "--truth", str(folder / "truth.csv"), "--reproducible", "--quiet"]
+        return [*words, "--truth", str(folder / "truth.csv"), "--reproducible"]
 
     def _wanted(self, task: Task, files: Path | None, folder: Path, port: int) -> dict[str, Any]:
         output = int(self._course.limits.output) * 1024
@@ -220,6 +222,7 @@ def run_agent(
             outcome, measured = launcher.keep(folder)
         finally:
             launcher.end()
+        _leave_changes(folder / "work", staged)
     shutil.rmtree(folder / "scoring", ignore_errors=True)
     names = (
         "status",
@@ -246,6 +249,22 @@ def run_agent(
         _world=lab,
         _lockstep=lockstep,
     )
+
+
+def _leave_changes(work: Path, before: Path) -> None:
+    """Remove from a folder all that is the same as before."""
+    for place, folders, names in os.walk(work, topdown=False):
+        for name in (*names, *folders):
+            path = Path(place, name)
+            former = before / path.relative_to(work)
+            if path.is_symlink():
+                if former.is_symlink() and os.readlink(path) == os.readlink(former):
+                    path.unlink()
+            elif path.is_dir():
+                if former.is_dir() and not any(path.iterdir()):
+                    path.rmdir()
+            elif path.is_file() and former.is_file() and filecmp.cmp(path, former, shallow=False):
+                path.unlink()
 
 
 def result_of(folder: Path) -> dict[str, Any] | None:

@@ -162,8 +162,8 @@ class RunningSimulator:
             self._process.wait(seconds)
         except subprocess.TimeoutExpired:
             raise SimulatorError(
-                f"the run is not over after {seconds:g} s; it ends when every robot has finished, or the time "
-                "is over"
+                f"the run is not over after {seconds:g} s; it ends when every robot has finished, or the "
+                "time is over"
             ) from None
         run = result_of(self.folder)
         if run is None:
