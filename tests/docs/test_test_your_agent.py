@@ -33,9 +33,8 @@ def project(tmp_path, monkeypatch):
 
 
 def run(command, folder):
-    return subprocess.run(
-        ["sh", "-c", command], cwd=folder, capture_output=True, text=True, timeout=600, check=False
-    )
+    words = ["sh", "-c", command]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
 
 
 @pytest.mark.slow
