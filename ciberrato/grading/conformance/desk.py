@@ -80,7 +80,7 @@ class Desk:
         if len(data) > REGISTRATION_LIMIT + 1:
             raise Fault(f"the registration has {len(data)} bytes; {REGISTRATION_LIMIT} are read")
         if not isinstance(registration, RobotRegistration):
-            raise Fault(f"the registration is no <Robot .../>: {data[:60].decode('utf-8', 'replace')!r}")
+            raise Fault(f"the registration is no <Robot>: {data[:60].decode('utf-8', 'replace')!r}")
         return registration
 
     def refuse(self) -> None:

@@ -50,7 +50,7 @@ ROWS = (
     Row(
         "register",
         "the agent is started, and the simulator waits for it",
-        "one registration as <Robot Id=... Name=.../>, to the host and port that it was told",
+        'one registration as <Robot Id="1" Name="ana"/>, to the host and port that it was told',
         "is {host} (and {port}, if it takes one) in the command line? Does it send the registration once, "
         "over UDP, as one message of at most 1023 bytes?",
     ),
@@ -64,7 +64,7 @@ ROWS = (
         "answers",
         f"{LONG} cycles are run, each as soon as the last was answered",
         "every Measures is answered with a message that the simulator understands",
-        "answer every Measures with an <Actions .../>, also when nothing changes; at most 1023 bytes, "
+        "answer every Measures with an <Actions>, also when nothing changes; at most 1023 bytes, "
         "numbers with a point and without nan",
     ),
     Row(
