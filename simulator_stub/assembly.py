@@ -8,14 +8,12 @@ import math
 import os
 import re
 import secrets
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from ciberrato.checks.telling import tell
 from ciberrato.checks.things import start_findings, thing_findings
 from ciberrato.errors import UsageError
-from ciberrato.files.atomic import replace_file
 from ciberrato.files.findings import Finding
 from ciberrato.files.lab import default_lab, parse_lab_file
 from ciberrato.files.parameters import parse_parameter_file
@@ -26,6 +24,7 @@ from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.options import DEFAULT_ANSWER_LIMIT
+from simulator_stub.recording.date import log_date
 from simulator_stub.recording.log import LogFile
 from simulator_stub.recording.observer import Observer
 from simulator_stub.recording.reference_files import ReferenceFiles
@@ -33,6 +32,7 @@ from simulator_stub.recording.results import Results
 from simulator_stub.recording.truth import TruthFile
 from simulator_stub.service.kidnapping import Kidnapper, parse_kidnapping
 from simulator_stub.service.pace import Lockstep, Pace, RealTime
+from simulator_stub.service.ready import tell_ready
 from simulator_stub.service.runs import Runs
 from simulator_stub.service.server import Server, open_transports
 from simulator_stub.service.session import Session
@@ -110,8 +110,7 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     if isinstance(pace, Lockstep):
         results.lockstep = pace.counts
     server = Server(session, transports, pace, runs.go_on)
-    if options.ready_file is not None:
-        replace_file(options.ready_file, f"{server.port}\n".encode())
+    tell_ready(server.port, options.ready_file, options.ready_fd)
     return server
 
 
@@ -193,7 +192,7 @@ def _observers(options: argparse.Namespace, simulation: Simulation) -> Iterator[
     if options.truth is not None:
         yield TruthFile(options.truth)
     if options.log is not None:
-        yield LogFile(options.log, time.ctime())
+        yield LogFile(options.log, log_date(options.seed if options.reproducible else None))
     if simulation.scoring.has_documents:
         yield ReferenceFiles(options.scoring_files)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from ciberrato.command_line import ProgramParser
-from ciberrato.errors import did_you_mean
+from ciberrato.errors import UsageError, did_you_mean
 
 PROGRAM = "ciberrato-simulator"
 DEFAULT_ANSWER_LIMIT = 1.0
@@ -38,7 +39,10 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     UsageError
         If it cannot be understood.
     """
-    return _parser().parse_args(arguments)
+    options = _parser().parse_args(arguments)
+    if options.reproducible and options.seed is None:
+        raise UsageError("--reproducible needs --seed N: without it every run is another")
+    return options
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -86,6 +90,12 @@ def _parser() -> argparse.ArgumentParser:
         help="refuse files with warnings: what means something else than it seems",
     )
     world.add_argument("--seed", type=_seed, metavar="N", help="of all random numbers; default: a fresh one")
+    world.add_argument(
+        "--reproducible",
+        action="store_true",
+        help="with --seed: write nothing that the seed does not fix; the log's date is SOURCE_DATE_EPOCH, or "
+        "follows from the seed",
+    )
     world.add_argument(
         "--kidnap",
         action="append",
@@ -136,6 +146,12 @@ def _parser() -> argparse.ArgumentParser:
     output = parser.add_argument_group("output")
     output.add_argument(
         "--ready-file", type=Path, metavar="FILE", help="write the port there as soon as clients can register"
+    )
+    output.add_argument(
+        "--ready-fd",
+        type=_descriptor,
+        metavar="N",
+        help="write the port to that open file descriptor, and close it, as soon as clients can register",
     )
     output.add_argument("--log", type=Path, metavar="FILE", help="write the real simulator's XML log there")
     output.add_argument("--truth", type=Path, metavar="FILE", help="write the true poses there, as CSV")
@@ -195,6 +211,16 @@ def _count(text: str) -> int:
 
 def _runs(text: str) -> int:
     return _number(text, "a number of runs, 1 or more", least=1, most=math.inf)
+
+
+def _descriptor(text: str) -> int:
+    what = "an open file descriptor, 1 or more"
+    number = _number(text, what, least=1, most=2**31 - 1)
+    try:
+        os.fstat(number)
+    except OSError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not {what}") from None
+    return number
 
 
 def _seed(text: str) -> int:

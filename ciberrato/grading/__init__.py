@@ -4,6 +4,7 @@ __all__ = [
     "children",
     "cli",
     "comparison",
+    "conformance",
     "course",
     "expressions",
     "fields",

@@ -25,18 +25,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0; 1 if runs could not be; 2 for what the user can put right; 130 if interrupted (what
-        was run is kept).
+        Exit status: 0; 1 if runs could not be, or an agent failed its check; 2 for what the user can put
+        right; 130 if interrupted (what was run is kept).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        status = _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
+        if words[:1] == ["check"]:
+            from ciberrato.grading.conformance.cli import main as check
+
+            status = check(words[1:])
+        else:
+            status = _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
         sys.stdout.flush()
         return status
     except OSError as error:
         if not output_has_gone(error):
             raise
         return 0
+    except KeyboardInterrupt:
+        return 130
     except CiberratoError as error:
         for line in str(error).splitlines():
             print(f"{PROGRAM}: {line}", file=sys.stderr)
@@ -121,7 +128,8 @@ def _parser() -> argparse.ArgumentParser:
         PROGRAM,
         description="Run every agent of a course in every lab with every seed, each in a sandbox with "
         "limits, and write a report: a site without a network, CSV, JSON, JUnit and Gradescope. "
-        f"`{PROGRAM} init FOLDER` writes a course to begin with.",
+        f"`{PROGRAM} init FOLDER` writes a course to begin with; `{PROGRAM} check -- COMMAND` puts one agent "
+        "through what a network and a simulator can do to it.",
     )
     parser.add_argument("course", type=Path, metavar="COURSE.toml", help="agents, labs, seeds, points")
     parser.add_argument(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from ciberrato import labs as shipped
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import parse_parameters_with_warnings
@@ -256,18 +258,62 @@ def _agent(table: Fields, folder: Path) -> Agent:
     elif place is not None and folder.resolve().is_relative_to(place):
         table.fault(f"folder: {given} holds the course itself; put the agent into a folder of its own")
     command = table.words("command", needed=True) or ()
-    for word in command:
-        left = word
-        for known in PLACEHOLDERS:
-            left = left.replace(known, "")
-        if "{" in left and "}" in left[left.index("{") :]:
-            table.fault(f"command: {word!r}: these can be filled in: {' '.join(PLACEHOLDERS)}")
+    for fault in command_faults(command):
+        table.fault(f"command: {fault}")
     build = table.words("build")
     environment = table.settings("environment")
     table.end()
     if build is not None and place is None:
         table.fault("build: needs a folder to build in")
     return Agent(name, command, place, build, environment)
+
+
+def command_faults(command: Sequence[str]) -> list[str]:
+    """Say what is wrong with the placeholders of a command line.
+
+    Parameters
+    ----------
+    command : sequence of str
+        Words.
+
+    Returns
+    -------
+    list of str
+        A line each.
+    """
+    faults = []
+    for word in command:
+        left = word
+        for known in PLACEHOLDERS:
+            left = left.replace(known, "")
+        if "{" in left and "}" in left[left.index("{") :]:
+            faults.append(f"{word!r}: these can be filled in: {' '.join(PLACEHOLDERS)}")
+    return faults
+
+
+def grid_of(lab: str, grid: str | Path | None) -> Path | None:
+    """Find the start grid that goes with a lab.
+
+    Parameters
+    ----------
+    lab : str
+        As the user names it.
+    grid : str or Path or None
+        As the user names it; None = the one that ships under the lab's name, if one does.
+
+    Returns
+    -------
+    Path or None
+        Absolute; None = the simulator's own.
+
+    Raises
+    ------
+    UsageError
+        If there is no such grid.
+    """
+    if grid is None and lab not in shipped.names("grid"):
+        return None
+    return find_grid(lab if grid is None else grid).absolute()
 
 
 def _lab(table: Fields, folder: Path) -> GradedLab:

@@ -29,6 +29,7 @@ from ciberrato.system.sockets import has_address
 
 FIXED_PORT = 6000
 ATTEMPTS = 5
+MEASURED = ("wall", "memory", "threads", "output", "exit", "signal", "tail")
 NOWHERE = "/agent"
 """Where a sandboxed agent without files of its own works."""
 
@@ -87,25 +88,49 @@ class Launcher:
         cycle_time = parse_parameters(text).cycle_time
         if failure is not None:
             return Outcome(status="not built", detail="see the output", targets=targets), {"tail": failure}
+        with tempfile.TemporaryDirectory(dir=self._temporary, ignore_cleanup_errors=True) as name:
+            folder = Path(name)
+            document = self.document(task, files, folder)
+            outcome = judge(
+                document,
+                targets=targets,
+                cycle_time=cycle_time,
+                folder=folder / "work",
+                reference=folder / "scoring",
+                scoring=task.lab.scoring,
+            )
+        return outcome, {name: document[name] for name in MEASURED}
+
+    def document(self, task: Task, files: Path | None, folder: Path) -> dict[str, Any]:
+        """Do a run, on another port if one is taken.
+
+        Parameters
+        ----------
+        task : Task
+        files : Path or None
+            The agent's.
+        folder : Path
+            Where its working folder and all that is written will be; emptied first.
+
+        Returns
+        -------
+        dict
+            What `ciberrato.grading.supervisor` writes.
+
+        Raises
+        ------
+        RunError
+            If it could not be.
+        """
+        document: dict[str, Any] = {"error": "not tried"}
         for attempt in range(ATTEMPTS):
-            with (
-                self._addresses.turn(task.agent.command, self._kind),
-                tempfile.TemporaryDirectory(dir=self._temporary, ignore_cleanup_errors=True) as name,
-            ):
-                folder = Path(name)
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir()
+            with self._addresses.turn(task.agent.command, self._kind):
                 port = self._port(attempt, task.agent.command)
                 document = self._supervise(self._wanted(task, files, folder, port))
-                if document["error"] is None:
-                    outcome = judge(
-                        document,
-                        targets=targets,
-                        cycle_time=cycle_time,
-                        folder=folder / "work",
-                        reference=folder / "scoring",
-                        scoring=task.lab.scoring,
-                    )
-                    names = ("wall", "memory", "threads", "output", "exit", "signal", "tail")
-                    return outcome, {name: document[name] for name in names}
+            if document["error"] is None:
+                return document
             if not document["busy"]:
                 break
             if not takes_port(task.agent.command):
@@ -177,28 +202,14 @@ class Launcher:
 
     def _wanted(self, task: Task, files: Path | None, folder: Path, port: int) -> dict[str, Any]:
         course, lab, agent = self._course, task.lab, task.agent
-        work, scoring = folder / "work", folder / "scoring"
+        work = folder / "work"
         if files is None:
             work.mkdir()
         else:
             shutil.copytree(files, work, symlinks=True)
-        scoring.mkdir()
+        (folder / "scoring").mkdir()
         (folder / "parameters.xml").write_bytes(parameters_document(lab.parameters, lab.settings))
         host = "127.0.0.1" if self._kind == "bwrap" else self._addresses.take()
-        simulator = [
-            *("--lab", str(lab.lab), "--param", str(folder / "parameters.xml")),
-            *(("--grid", str(lab.grid)) if lab.grid is not None else ()),
-            *("--scoring", str(lab.scoring), "--scoring-files", str(scoring), "--seed", str(task.seed)),
-            *("--bind", host, "--port", str(port), "--autostart", "1", "--exit-at-end"),
-            *("--exit-when-silent", str(course.limits.silence)),
-            *("--result", str(folder / "result.json"), "--log", str(folder / "log.xml")),
-        ]
-        if course.lockstep:
-            simulator.append("--lockstep")
-            if course.answer_limit is not None:
-                simulator += ["--answer-limit", str(course.answer_limit)]
-        else:
-            simulator += ["--speed", str(course.speed)]
         values = {
             "{host}": host,
             "{port}": str(port),
@@ -210,7 +221,7 @@ class Launcher:
         extra = {"CIBERRATO_HOST": host, "CIBERRATO_PORT": str(port), **dict(agent.environment)}
         sandboxed = self._kind == "bwrap"
         return {
-            "simulator": module_command("simulator_stub", *simulator),
+            "simulator": self._simulator(task, folder, host, port),
             "agent": self._inside([_filled(word, values) for word in agent.command], agent, work),
             "environment": sandbox.environment_of_agent(extra),
             "work": None if sandboxed else str(work),
@@ -221,6 +232,32 @@ class Launcher:
             "limits": asdict(course.limits),
             "overhead": self._overhead,
         }
+
+    def _simulator(self, task: Task, folder: Path, host: str, port: int) -> list[str]:
+        """Return the command line of the simulator."""
+        course, lab = self._course, task.lab
+        simulator = [
+            *("--lab", str(lab.lab), "--param", str(folder / "parameters.xml")),
+            *(("--grid", str(lab.grid)) if lab.grid is not None else ()),
+            *(
+                "--scoring",
+                str(lab.scoring),
+                "--scoring-files",
+                str(folder / "scoring"),
+                "--seed",
+                str(task.seed),
+            ),
+            *("--bind", host, "--port", str(port), "--autostart", "1", "--exit-at-end"),
+            *("--exit-when-silent", str(course.limits.silence)),
+            *("--result", str(folder / "result.json"), "--log", str(folder / "log.xml")),
+        ]
+        if course.lockstep:
+            simulator.append("--lockstep")
+            if course.answer_limit is not None:
+                simulator += ["--answer-limit", str(course.answer_limit)]
+        else:
+            simulator += ["--speed", str(course.speed)]
+        return module_command("simulator_stub", *simulator)
 
     def _supervise(self, wanted: dict[str, Any]) -> dict[str, Any]:
         command = supervisor_command()

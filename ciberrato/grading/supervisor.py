@@ -65,7 +65,9 @@ class Run:
     wanted : mapping
         ``simulator`` and ``agent`` (command lines; without the first, None, the second is a build),
         ``environment``, ``work`` (the agent's working folder, or None if the command line sees to it),
-        ``result`` (the simulator's result file), ``limits``, ``overhead`` (processes of the sandbox's own).
+        ``result`` (the simulator's result file; ``grace`` in its last run: seconds that the agent may go on
+        afterwards), ``tail`` (bytes of its last output that are kept), ``limits``, ``overhead``
+        (processes of the sandbox's own).
     """
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
@@ -73,7 +75,7 @@ class Run:
         self._limits: Mapping[str, float] = wanted["limits"]
         self._streams = streams()
         self._simulator_output = Stream(1 << 16)
-        self._agent_output = Stream(TAIL, self._limits["output"] * 1024)
+        self._agent_output = Stream(wanted.get("tail", TAIL), self._limits["output"] * 1024)
         self._simulator: subprocess.Popen[bytes] | None = None
         self._agent: subprocess.Popen[bytes] | None = None
         self._stopped: str | None = None
@@ -124,7 +126,8 @@ class Run:
             self._stop("time limit")
             # The simulator ends by itself, as its robot is silent; only should it not, it is ended.
             self._until(lambda: False, 60.0 + 2.0 * limits["silence"])
-        until = time.monotonic() + GRACE
+        run = _last_run(self._wanted.get("result")) or {}
+        until = time.monotonic() + run.get("grace", self._wanted.get("grace", GRACE))
         while not self._agent_ended() and time.monotonic() < until and not self._orphaned:
             self._look(LOOK)
         return self._document(began)

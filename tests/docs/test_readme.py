@@ -1,6 +1,7 @@
 """The README's commands and program, run as they are written."""
 
 import contextlib
+import os
 import re
 import shlex
 import signal
@@ -101,12 +102,43 @@ def test_the_two_terminals(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_simulator_for_ci_starts_and_ends(tmp_path):
-    simulator = process(find("ciberrato-simulator --lab maze"), "--bind", "127.0.0.1", folder=tmp_path)
-    with watchdog(simulator):
-        read_until(simulator, r"listening on udp 127\.0\.0\.1:\d+")
-        simulator.send_signal(signal.SIGINT)
-        assert simulator.wait() == 0
+def test_the_recipe_for_ci_is_complete_and_ends_by_itself(tmp_path):
+    (recipe,) = re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    results = []
+    for name in ("once", "again"):
+        folder = tmp_path / name
+        folder.mkdir()
+        done = subprocess.run(
+            ["sh", "-c", recipe],
+            cwd=folder,
+            env=os.environ | {"PATH": path},
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.stdout.splitlines()[-1] == "score 200"
+        results.append([(folder / file).read_bytes() for file in ("run.log", "truth.csv", "result.json")])
+    assert results[0] == results[1]
+
+
+def test_the_recipe_for_ci_tells_that_the_simulator_did_not_start(tmp_path):
+    (recipe,) = re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    wrong = recipe.replace("--lab maze", "--lab mazze")
+    assert wrong != recipe
+    done = subprocess.run(
+        ["sh", "-c", wrong],
+        cwd=tmp_path,
+        env=os.environ | {"PATH": path},
+        capture_output=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert b"did you mean 'maze'" in done.stderr
 
 
 def test_the_program_runs(capsys):

@@ -53,6 +53,7 @@ APPLICATIONS = {
     "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
     "grading": {"simulator_stub", "viewer"},
+    "testing": {"grading", "labtool", "simulator_stub"},
     "front": {"agent", "simulator_stub", "viewer", "evaluation", "labtool", "grading"},
     "__main__": {"front"},
 }
