@@ -9,6 +9,7 @@ __all__ = [
     "fields",
     "init",
     "launch",
+    "leftovers",
     "outcome",
     "recording",
     "report",
