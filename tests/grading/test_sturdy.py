@@ -2,9 +2,9 @@
 
 import os
 import shutil
-import signal
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import pytest
 
 from ciberrato.grading import leftovers
 from ciberrato.processes import ROOT
-from tests.grading.agents import BREEDING, BROKEN, ROBOT, table, write
+from tests.grading.agents import BREEDING, ROBOT, table, write
 from tests.grading.program import command, rows, run
 
 LAB = "[[lab]]\nname = 'maze'\ngrid = 'maze'\nset = {SimTime = 60}\n"
@@ -82,34 +82,45 @@ def stranger():
     if missing := [name for name in ("setpriv", "unshare", "mount", "bwrap") if shutil.which(name) is None]:
         pytest.skip(f"there is no {missing[0]} here")
     folder = Path(tempfile.mkdtemp())
-    for name in ("checkout", "environment", "home"):
+    for name in ("checkout", "environment", "base", "home"):
         (folder / name).mkdir()
     for path in (folder, folder / "home"):
         os.chown(path, UNPRIVILEGED, UNPRIVILEGED)
+    packages = Path(sysconfig.get_path("purelib")).relative_to(sys.prefix)
+    paths = f"{folder / 'checkout'}\n{folder / 'environment' / packages}\n"
     script = (
-        'mount --bind "$1" "$3/checkout" && mount --bind "$2" "$3/environment" && cd "$3/home" && '
-        "export PYTHONPATH=$3/checkout HOME=$3/home TMPDIR=$3/home && place=$3 && shift 3 && "
+        'mount --bind "$1" "$4/checkout" && mount --bind "$2" "$4/environment" && '
+        'mount --bind "$3" "$4/base" && cd "$4/home" && export HOME=$4/home TMPDIR=$4/home && shift 4 && '
         f"exec setpriv --reuid {UNPRIVILEGED} --regid {UNPRIVILEGED} --clear-groups --bounding-set=-all "
-        '--inh-caps=-all -- "$place/environment/bin/python" "$@"'
+        '--inh-caps=-all -- "$@"'
     )
 
-    def python(*words):
-        inside = ["unshare", "--mount", "sh", "-c", script, "sh", str(ROOT), sys.prefix, str(folder)]
-        return subprocess.run(
-            [*inside, *map(str, words)], capture_output=True, text=True, timeout=300, check=False
-        )
+    def run_there(*words):
+        places = [str(ROOT), sys.prefix, sys.base_prefix, str(folder)]
+        inside = ["unshare", "--mount", "sh", "-c", script, "sh", *places, *map(str, words)]
+        return subprocess.run(inside, capture_output=True, text=True, timeout=300, check=False)
 
-    seen = python("-c", "import os, ciberrato; print(os.getuid())")
+    made = run_there(
+        folder / "base" / "bin" / "python3", "-m", "venv", "--without-pip", folder / "home" / "own"
+    )
+    for place in (folder / "home" / "own").glob("lib/python*/site-packages"):
+        (place / "paths.pth").write_text(paths)
+
+    def python(*words):
+        return run_there(folder / "home" / "own" / "bin" / "python", *words)
+
+    seen = python("-c", "import os, ciberrato, numpy; print(os.getuid())")
     if seen.stdout != f"{UNPRIVILEGED}\n":
         shutil.rmtree(folder)
-        pytest.skip(f"an unprivileged user cannot run this Python: {seen.stderr.strip()[-200:]}")
-    yield folder / "home", python
+        pytest.skip(f"an unprivileged user cannot run this Python: {(made.stderr + seen.stderr)[-200:]}")
+    yield folder, python
     shutil.rmtree(folder, ignore_errors=True)
 
 
 @pytest.mark.slow
 def test_users_other_than_root_have_the_same_sandbox(stranger):
-    home, python = stranger
+    folder, python = stranger
+    home = folder / "home" / "course"
     probe = "from ciberrato.grading import sandbox; print(sandbox.choose('auto'))"
     if python("-c", probe).stdout != "bwrap\n":
         pytest.skip("bubblewrap does not work here for users other than root")
@@ -117,8 +128,11 @@ def test_users_other_than_root_have_the_same_sandbox(stranger):
     write(home, "robot", spy)
     write(home, "breeding", BREEDING)
     path = home / "course.toml"
-    path.write_text("[limits]\nprocesses = 20\nsilence = 1\n" + LAB + table("robot") + table("breeding"))
-    for place in home.rglob("*"):
+    readable = f"readable = ['{folder / 'environment'}']\n"
+    path.write_text(
+        readable + "[limits]\nprocesses = 20\nsilence = 1\n" + LAB + table("robot") + table("breeding")
+    )
+    for place in (home, *home.rglob("*")):
         os.chown(place, UNPRIVILEGED, UNPRIVILEGED)
     report = home / "report"
     done = python("-m", "ciberrato.grading", path, "--sandbox", "bwrap", "--quiet", "--output", report)
