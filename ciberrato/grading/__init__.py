@@ -13,6 +13,7 @@ __all__ = [
     "outcome",
     "recording",
     "report",
+    "repositories",
     "runner",
     "sandbox",
     "standing",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ciberrato.command_line import ProgramParser
@@ -57,21 +57,23 @@ def _run(options: argparse.Namespace) -> int:
     from ciberrato.grading import sandbox
     from ciberrato.grading.course import read_course
     from ciberrato.grading.report import write_report
+    from ciberrato.grading.repositories import fetch_agents
     from ciberrato.grading.runner import Graded, grade, jobs_by_default, read_runs
     from ciberrato.grading.standing import standings
     from ciberrato.grading.task import tasks_of
 
-    course = read_course(options.course)
+    whole = read_course(options.course)
+    course, faults = fetch_agents(whole, _teller(options), network=not options.report)
+    expected = len(whole.agents) * len(whole.labs) * len(whole.seeds)
     folder = options.output or options.course.with_suffix("").with_name(f"{options.course.stem}-report")
     tasks = tasks_of(course)
-    faults: list[str] = []
     interrupted = False
     if not options.report:
         kind = sandbox.choose(options.sandbox)
         if kind == "none":
             print(f"{PROGRAM}: {sandbox.WITHOUT}", file=sys.stderr)
         try:
-            faults = grade(
+            faults += grade(
                 course,
                 tasks,
                 folder,
@@ -89,7 +91,7 @@ def _run(options: argparse.Namespace) -> int:
         print(f"{PROGRAM}: could not be run: {fault}", file=sys.stderr)
     if runs:
         ranked = standings(course, runs)
-        write_report(course, ranked, folder, missing=len(tasks) - len(runs))
+        write_report(course, ranked, folder, missing=expected - len(runs))
         width = max(len(_shown(one.agent)) for one in ranked)
         for one in ranked:
             bad = f"   {one.bad} of {len(one.runs)} runs failed" * (one.bad > 0)
@@ -101,12 +103,17 @@ def _run(options: argparse.Namespace) -> int:
         print(folder / "index.html")
     if interrupted:
         print(
-            f"\n{PROGRAM}: interrupted after {len(runs)} of {len(tasks)} runs; the same command goes on "
+            f"\n{PROGRAM}: interrupted after {len(runs)} of {expected} runs; the same command goes on "
             "from here",
             file=sys.stderr,
         )
         return 130
     return 1 if faults else 0
+
+
+def _teller(options: argparse.Namespace) -> Callable[[str], None]:
+    """Return what says on standard error what goes on, if that is wanted."""
+    return lambda line: None if options.quiet else print(f"{PROGRAM}: {_shown(line)}", file=sys.stderr)
 
 
 def _shown(name: str) -> str:

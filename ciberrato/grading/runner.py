@@ -130,6 +130,7 @@ def grade(
                 "agent": task.agent.name,
                 "lab": task.lab.name,
                 "seed": task.seed,
+                **({"commit": task.agent.commit} if task.agent.commit else {}),
                 "outcome": asdict(outcome),
                 "measured": measured,
             }

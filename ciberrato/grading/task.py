@@ -69,6 +69,8 @@ def tasks_of(course: Course) -> list[Task]:
             "environment": agent.environment,
             "files": None if agent.folder is None else digest_folder(agent.folder),
         }
+        if agent.commit is not None:
+            program["commit"] = agent.commit
         for lab in course.labs:
             world = {
                 "name": lab.name,
