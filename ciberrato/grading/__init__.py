@@ -1,6 +1,8 @@
 """Grades a course: every agent in every lab with every seed, in a sandbox, with a report of its own."""
 
 __all__ = [
+    "agents",
+    "cache",
     "children",
     "cli",
     "comparison",
@@ -11,11 +13,13 @@ __all__ = [
     "launch",
     "leftovers",
     "outcome",
+    "random_labs",
     "recording",
     "report",
     "repositories",
     "runner",
     "sandbox",
+    "secret",
     "standing",
     "supervisor",
     "task",

@@ -56,16 +56,21 @@ def _init(words: Sequence[str]) -> int:
 def _run(options: argparse.Namespace) -> int:
     from ciberrato.grading import sandbox
     from ciberrato.grading.course import read_course
-    from ciberrato.grading.report import write_report
+    from ciberrato.grading.report import publish_report, write_report
     from ciberrato.grading.repositories import fetch_agents
     from ciberrato.grading.runner import Graded, grade, jobs_by_default, read_runs
+    from ciberrato.grading.secret import with_secret
     from ciberrato.grading.standing import standings
     from ciberrato.grading.task import tasks_of
 
     whole = read_course(options.course)
+    if options.secret is not None:
+        whole = with_secret(whole, options.secret)
     course, faults = fetch_agents(whole, _teller(options), network=not options.report)
     expected = len(whole.agents) * len(whole.labs) * len(whole.seeds)
     folder = options.output or options.course.with_suffix("").with_name(f"{options.course.stem}-report")
+    if options.publish is not None and options.publish.resolve() == folder.resolve():
+        raise UsageError(f"--publish {options.publish}: the whole report is there; name another folder")
     tasks = tasks_of(course)
     interrupted = False
     if not options.report:
@@ -92,6 +97,8 @@ def _run(options: argparse.Namespace) -> int:
     if runs:
         ranked = standings(course, runs)
         write_report(course, ranked, folder, missing=expected - len(runs))
+        if options.publish is not None:
+            publish_report(course, ranked, folder, options.publish, missing=expected - len(runs))
         width = max(len(_shown(one.agent)) for one in ranked)
         for one in ranked:
             bad = f"   {one.bad} of {len(one.runs)} runs failed" * (one.bad > 0)
@@ -100,7 +107,7 @@ def _run(options: argparse.Namespace) -> int:
             from ciberrato.grading.comparison import compare, words
 
             print(words(compare(ranked, *options.compare), *map(_shown, options.compare)))
-        print(folder / "index.html")
+        print((folder if options.publish is None else options.publish) / "index.html")
     if interrupted:
         print(
             f"\n{PROGRAM}: interrupted after {len(runs)} of {expected} runs; the same command goes on "
@@ -133,6 +140,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("course", type=Path, metavar="COURSE.toml", help="agents, labs, seeds, points")
     parser.add_argument(
         "--output", type=Path, metavar="DIR", help="of the report; default: COURSE-report beside the course"
+    )
+    parser.add_argument(
+        "--secret", type=Path, metavar="FILE.toml", help="more labs and seeds, hidden from what is published"
+    )
+    parser.add_argument(
+        "--publish", type=Path, metavar="DIR", help="write the report there, too, without what is secret"
     )
     parser.add_argument(
         "--sandbox",

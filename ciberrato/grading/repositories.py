@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ciberrato.errors import UsageError
+from ciberrato.grading.cache import cache_folder
 from ciberrato.grading.course import Agent, Course
 from ciberrato.grading.workspace import MOST_BYTES, MOST_FILES
 
@@ -44,12 +45,6 @@ _ALONE = {
 }
 _OF_A_REPOSITORY = ("GIT_DIR", "GIT_INDEX", "GIT_WORK", "GIT_OBJECT", "GIT_NAMESPACE", "GIT_ALTERNATE")
 _SAFE = ("-c", "core.hooksPath=/dev/null", "-c", "core.fsmonitor=false", "-c", "core.symlinks=true")
-
-
-def cache_folder() -> Path:
-    """Return the folder that repositories and random labs are kept in: ``$XDG_CACHE_HOME/ciberrato``."""
-    given = os.environ.get("XDG_CACHE_HOME", "")
-    return (Path(given) if os.path.isabs(given) else Path.home() / ".cache") / "ciberrato"
 
 
 def fetch_agents(

@@ -123,7 +123,10 @@ def grade(
             try:
                 outcome, measured = future.result()
             except RunError as error:
-                faults.append(f"{task.agent.name}, {task.lab.name}, seed {task.seed}: {error}")
+                # A server's output is for all to see.
+                where = f"{task.lab.name}, seed {task.seed}"
+                where = "a hidden run" if course.hides(task.lab, task.seed) else where
+                faults.append(f"{task.agent.name}, {where}: {error}")
                 return
             document = {
                 "key": task.key,

@@ -33,6 +33,10 @@ class Standing:
         Points in each lab that it has runs in.
     runs : list of (Graded, float)
         With their points, in the course's order.
+    hidden : int
+        Runs that count, too, but are not to be shown.
+    commit : str or None
+        Of its files, if a git address named them.
     """
 
     place: int
@@ -40,11 +44,8 @@ class Standing:
     total: float
     labs: dict[str, float]
     runs: list[tuple[Graded, float]]
-
-    @property
-    def commit(self) -> str | None:
-        """Commit of its files, if a git address named them."""
-        return self.runs[0][0].task.agent.commit if self.runs else None
+    hidden: int = 0
+    commit: str | None = None
 
     @property
     def bad(self) -> int:
@@ -66,6 +67,8 @@ def points_of(course: Course, run: Graded) -> float:
         points = course.points.formula(run.outcome.quantities())
     except UsageError as error:
         where = f"{run.task.agent.name}, {run.task.lab.name}, seed {run.task.seed}"
+        if course.hides(run.task.lab, run.task.seed):
+            where = f"{run.task.agent.name}, a hidden run"
         raise UsageError(f"points of {where}: {error}") from None
     if course.points.maximum is not None:
         points = min(max(points, 0.0), course.points.maximum)
@@ -99,10 +102,11 @@ def standings(course: Course, runs: Sequence[Graded]) -> list[Standing]:
                 weights[lab.name] = lab.weight
         whole = math.fsum(weights.values())
         total = math.fsum(labs[name] * weights[name] for name in labs) / whole if whole else 0.0
-        found.append((total, agent.name, labs, own))
+        found.append((total, agent, labs, own))
     found.sort(key=lambda one: -one[0])
     ranked: list[Standing] = []
-    for number, (total, name, labs, own) in enumerate(found, 1):
+    for number, (total, agent, labs, own) in enumerate(found, 1):
         tied = bool(ranked) and abs(ranked[-1].total - total) <= EQUAL
-        ranked.append(Standing(ranked[-1].place if tied else number, name, total, labs, own))
+        place = ranked[-1].place if tied else number
+        ranked.append(Standing(place, agent.name, total, labs, own, commit=agent.commit))
     return ranked

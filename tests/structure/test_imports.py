@@ -49,7 +49,7 @@ APPLICATIONS = {
     "viewer": set(),
     "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
-    "grading": {"simulator_stub", "viewer"},
+    "grading": {"labtool", "simulator_stub", "viewer"},
 }
 # The rooms of the two processes, likewise; both stand on all of the library.
 AGENT = {

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ciberrato.grading.course import Course
     from ciberrato.grading.standing import Standing
 
-__all__ = ["gradescope", "junit", "player", "site", "tables", "write_report"]
+__all__ = ["gradescope", "junit", "player", "publish_report", "site", "tables", "write_report"]
 
 
 def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, missing: int) -> None:
@@ -61,3 +61,48 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
         except OSError as error:
             raise UsageError(f"{path.parent}: cannot be made: {error.strerror}") from None
         replace_file(path, text.encode("utf-8", "replace"))
+
+
+def publish_report(
+    course: Course, ranked: Sequence[Standing], source: Path, folder: Path, *, missing: int
+) -> None:
+    """Write the report that all may see: without what is secret, and without ``runs.jsonl``.
+
+    Parameters
+    ----------
+    course : Course
+    ranked : sequence of Standing
+    source : Path
+        Folder of the whole report.
+    folder : Path
+        Recordings and folders for Gradescope that are there from before, and no longer belong, are removed.
+    missing : int
+
+    Raises
+    ------
+    UsageError
+        If it cannot be written.
+    """
+    import shutil
+
+    from ciberrato.errors import UsageError
+    from ciberrato.files.atomic import replace_file
+    from ciberrato.grading.secret import published
+
+    course, ranked = published(course, ranked)
+    names = {f"{run.task.file}.js" for standing in ranked for run, _ in standing.runs}
+    try:
+        if (folder / "runs.jsonl").exists():
+            raise UsageError(f"{folder}: holds a whole report (runs.jsonl); publish into another folder")
+        if folder.is_dir() and any(folder.iterdir()) and not (folder / "play.html").exists():
+            raise UsageError(f"{folder}: holds something else than a report; publish into another folder")
+        (folder / "recordings").mkdir(parents=True, exist_ok=True)
+        for path in (folder / "recordings").iterdir():
+            path.unlink()
+        shutil.rmtree(folder / "gradescope", ignore_errors=True)
+        for name in sorted(names):
+            if (source / "recordings" / name).exists():
+                replace_file(folder / "recordings" / name, (source / "recordings" / name).read_bytes())
+    except OSError as error:
+        raise UsageError(f"{folder}: cannot be written: {error.strerror}") from None
+    write_report(course, ranked, folder, missing=missing)

@@ -42,12 +42,20 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
         HTML. Names and outputs are text in it, whatever they hold.
     """
     points = [points for standing in ranked for _, points in standing.runs]
-    low, high = min([0.0, *points]), max([0.0, *points])
+    hidden = sum(standing.hidden for standing in ranked)
+    # A total may lie beyond all runs that are shown, where others are hidden.
+    span = [0.0, *points, *(standing.total for standing in ranked)]
+    low, high = min(span), max(span)
     if course.points.maximum is not None:
         low, high = 0.0, course.points.maximum
     pace = "in lockstep" if course.lockstep else f"at {course.speed:g} times real time"
     labs = [f'<th class="num">{escape(lab.name)}<small>×{lab.weight:g}</small></th>' for lab in course.labs]
-    notice = f"Incomplete: {missing} of {missing + len(points)} runs are still to be done."
+    notices = []
+    if missing:
+        whole = missing + hidden + len(points)
+        notices.append(f"Incomplete: {missing} of {whole} runs are still to be done.")
+    if hidden:
+        notices.append(f"{hidden} runs in hidden labs, or with hidden seeds, count, too, but are not shown.")
     return Template(asset("report.html")).substitute(
         title=escape(course.title),
         summary=", ".join(
@@ -56,7 +64,7 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
                 *(f"{len(points)} runs", pace),
             ]
         ),
-        notice=f'<p class="notice">{notice}</p>' if missing else "",
+        notice="".join(f'<p class="notice">{notice}</p>' for notice in notices),
         labs="".join(labs),
         span=f"{low:g} to {high:g}",
         ranking="".join(

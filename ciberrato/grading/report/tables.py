@@ -63,6 +63,7 @@ def results_json(course: Course, ranked: Sequence[Standing], *, missing: int) ->
         "maximum": course.points.maximum,
         "weights": {lab.name: lab.weight for lab in course.labs},
         "missing": missing,
+        "hidden": sum(standing.hidden for standing in ranked),
         "ranking": [
             {
                 "place": standing.place,
