@@ -46,10 +46,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _init(words: Sequence[str]) -> int:
     from ciberrato.grading.init import write_course
 
-    parser = ProgramParser(f"{PROGRAM} init", description="Write a course to begin with.")
+    parser = ProgramParser(
+        f"{PROGRAM} init",
+        description="Write a repository of a course to begin with: agents, labs, workflows, and a template "
+        "for participants.",
+    )
     parser.add_argument("folder", type=Path, metavar="FOLDER")
-    for path in write_course(parser.parse_args(words).folder):
+    folder = parser.parse_args(words).folder
+    for path in write_course(folder):
         print(path)
+    print(f"{PROGRAM}: next: {PROGRAM} {folder / 'course.toml'}; README.md says the rest", file=sys.stderr)
     return 0
 
 

@@ -206,16 +206,3 @@ def test_in_real_time_a_run_is_graded_too(tmp_path, walls):
     for row in rows(tmp_path / "report"):
         assert (row["status"], row["time"]) == ("time over", "60")
         assert int(row["answered"]) + int(row["unanswered"]) == 60
-
-
-@pytest.mark.slow
-def test_the_course_to_begin_with_can_be_graded_as_it_is(tmp_path):
-    written = run("init", tmp_path / "new").stdout.splitlines()
-    assert all(Path(name).is_file() for name in written)
-    assert "is there already" in run("init", tmp_path / "new", expect=2).stderr
-    path = tmp_path / "new" / "course.toml"
-    path.write_text(path.read_text().replace("SimTime = 600", "SimTime = 60"))
-    said = run(path, "--quiet", "--compare", "follower", "classic").stdout
-    assert "follower against classic:" in said
-    assert "4 pairs" in said
-    assert {row["status"] for row in rows(tmp_path / "new" / "course-report")} == {"time over"}

@@ -69,11 +69,12 @@ def test_what_is_published_holds_nothing_that_is_secret(files, tmp_path):
     (recording,) = (site / "recordings").iterdir()
     assert recording.name in {path.name for path in (report / "recordings").iterdir()}
     kept = [json.loads(line) for line in (report / "runs.jsonl").read_text().splitlines()]
-    tails = {line["measured"]["tail"] for line in kept}
-    assert len(tails) > 1
+    (open_,) = {line["measured"]["tail"] for line in kept if (line["lab"], line["seed"]) == ("maze", 1)}
+    hidden = {line["measured"]["tail"][-60:] for line in kept if line["measured"]["tail"] != open_}
+    assert hidden
     for path in filter(lambda path: path.is_file(), site.rglob("*")):
         text = path.read_text()
-        for word in ("zyxsecret", "987654321", "24681357", *(tail[-60:] for tail in tails - {kept[0]["measured"]["tail"]})):
+        for word in ("zyxsecret", "987654321", "24681357", *hidden):
             assert word not in text, path
             assert word not in path.name
     # In the teacher's report Gradescope is told which tests students must not see.
