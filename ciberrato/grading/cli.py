@@ -62,7 +62,7 @@ def _init(words: Sequence[str]) -> int:
 def _run(options: argparse.Namespace) -> int:
     from ciberrato.grading import sandbox
     from ciberrato.grading.course import read_course
-    from ciberrato.grading.report import publish_report, write_report
+    from ciberrato.grading.report import parquet, publish_report, write_report
     from ciberrato.grading.repositories import fetch_agents
     from ciberrato.grading.runner import Graded, grade, jobs_by_default, read_runs
     from ciberrato.grading.secret import with_secret
@@ -103,6 +103,8 @@ def _run(options: argparse.Namespace) -> int:
     if runs:
         ranked = standings(course, runs)
         write_report(course, ranked, folder, missing=expected - len(runs))
+        if not parquet.available():
+            _teller(options)(parquet.WITHOUT)
         if options.publish is not None:
             publish_report(course, ranked, folder, options.publish, missing=expected - len(runs))
         width = max(len(_shown(one.agent)) for one in ranked)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ciberrato.grading.course import Course
     from ciberrato.grading.standing import Standing
 
-__all__ = ["gradescope", "junit", "player", "publish_report", "site", "tables", "write_report"]
+__all__ = ["gradescope", "junit", "parquet", "player", "publish_report", "site", "tables", "write_report"]
 
 
 def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, missing: int) -> None:
@@ -37,7 +37,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
     """
     from ciberrato.errors import UsageError
     from ciberrato.files.atomic import replace_file
-    from ciberrato.grading.report import gradescope, junit, player, site, tables
+    from ciberrato.grading.report import gradescope, junit, parquet, player, site, tables
 
     texts = {
         "index.html": site.index_page(course, ranked, folder, missing=missing),
@@ -61,6 +61,10 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
         except OSError as error:
             raise UsageError(f"{path.parent}: cannot be made: {error.strerror}") from None
         replace_file(path, text.encode("utf-8", "replace"))
+    if parquet.available():
+        parquet.write_table(ranked, folder / "results.parquet")
+    else:
+        (folder / "results.parquet").unlink(missing_ok=True)  # one from before would say something else
 
 
 def publish_report(
