@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ciberrato.grading.runner import Graded
     from ciberrato.grading.standing import Standing
 
-_NOTHING = (0, 0, 0, 0)
+_NOTHING: tuple[int, ...] = (0, 0, 0, 0)
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
