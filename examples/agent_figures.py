@@ -13,7 +13,7 @@ from pathlib import Path
 
 from agent.cli import main as agent
 from ciberrato.errors import UsageError
-from examples.demo import demonstrate
+from ciberrato.front.demo import demonstrate
 from examples.viewer_figures import shrink
 
 ANIMATION_FRAME = 34

@@ -69,7 +69,7 @@ class Axis:
 
     @property
     def centres(self) -> FloatArray:
-        """Cell centres in `unit`, shape (size,), rising."""
+        """Centres of the cells in `unit`, shape (size,), rising."""
         return np.asarray(self.origin + (np.arange(self.size) + 0.5) * self.cell, dtype=np.float64)
 
     @property
@@ -228,7 +228,7 @@ class StateSpace:
         return np.asarray(np.ravel_multi_index(tuple(np.moveaxis(index, -1, 0)), self.shape), dtype=np.intp)
 
     def centres(self) -> FloatArray:
-        """Give every cell's centre, shape (*shape, number of axes)."""
+        """Return the centre of every cell, shape ``(*shape, number of axes)``."""
         grids = np.meshgrid(*(axis.centres for axis in self.axes), indexing="ij")
         return np.stack(grids, axis=-1)
 
