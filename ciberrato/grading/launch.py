@@ -180,6 +180,7 @@ class Launcher:
             *(("--grid", str(lab.grid)) if lab.grid is not None else ()),
             *("--scoring", str(lab.scoring), "--scoring-files", str(scoring), "--seed", str(task.seed)),
             *("--bind", host, "--port", str(port), "--autostart", "1", "--exit-at-end"),
+            *("--views", "0", "--no-restart"),  # who sees as a view does, or begins again, has it too easy
             *("--exit-when-silent", str(course.limits.silence)),
             *("--result", str(folder / "result.json"), "--log", str(folder / "log.xml")),
         ]
