@@ -14,6 +14,7 @@ from ciberrato.files.start_grid import read_grid
 from ciberrato.files.xml import read_file
 from ciberrato.grading.expressions import Formula
 from ciberrato.grading.fields import Fields
+from ciberrato.grading.tournament.settings import TournamentSettings, read_settings
 from ciberrato.labs import find_grid, find_lab, find_parameters
 
 PLACEHOLDERS = ("{host}", "{port}", "{pos}", "{lab}", "{name}", "{seed}")
@@ -154,6 +155,7 @@ class Course:
     points : Points
     readable : tuple of Path
         What a sandbox shows besides the system and Python.
+    tournament : TournamentSettings
     """
 
     title: str
@@ -166,6 +168,7 @@ class Course:
     limits: Limits
     points: Points
     readable: tuple[Path, ...] = ()
+    tournament: TournamentSettings = TournamentSettings()
 
 
 class CourseError(UsageError):
@@ -225,6 +228,7 @@ def _course(top: Fields, folder: Path) -> Course:
         top.fault(f"readable: there is no {missing}")
     limits = _limits(top.table("limits"))
     points = _points(top.table("points"))
+    tournament = read_settings(top.table("tournament"))
     labs = tuple(_lab(table, folder) for table in top.tables("lab"))
     agents = tuple(_agent(table, folder) for table in top.tables("agent"))
     for kind, names in (("lab", [lab.name for lab in labs]), ("agent", [agent.name for agent in agents])):
@@ -233,7 +237,19 @@ def _course(top: Fields, folder: Path) -> Course:
     if labs and sum(lab.weight for lab in labs) <= 0.0:
         top.fault("lab: no weight is greater than 0")
     top.end()
-    return Course(title, agents, labs, seeds, lockstep, speed or 1.0, answer_limit, limits, points, readable)
+    return Course(
+        title,
+        agents,
+        labs,
+        seeds,
+        lockstep,
+        speed or 1.0,
+        answer_limit,
+        limits,
+        points,
+        readable,
+        tournament,
+    )
 
 
 def _agent(table: Fields, folder: Path) -> Agent:
