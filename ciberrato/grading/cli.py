@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
-
-PROGRAM = "ciberrato-grade"
+from ciberrato.grading.telling import PROGRAM, shown
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -57,21 +56,27 @@ def _run(options: argparse.Namespace) -> int:
     from ciberrato.grading import sandbox
     from ciberrato.grading.course import read_course
     from ciberrato.grading.report import write_report
+    from ciberrato.grading.repositories import fetch_agents
     from ciberrato.grading.runner import Graded, grade, jobs_by_default, read_runs
     from ciberrato.grading.standing import standings
     from ciberrato.grading.task import tasks_of
 
-    course = read_course(options.course)
+    whole = read_course(options.course)
+    course, faults = fetch_agents(whole, _teller(options), network=not options.report)
+    if options.tournament:
+        from ciberrato.grading.tournament.command import run_tournament
+
+        return run_tournament(options, course, faults)
+    expected = len(whole.agents) * len(whole.labs) * len(whole.seeds)
     folder = options.output or options.course.with_suffix("").with_name(f"{options.course.stem}-report")
     tasks = tasks_of(course)
-    faults: list[str] = []
     interrupted = False
     if not options.report:
         kind = sandbox.choose(options.sandbox)
         if kind == "none":
             print(f"{PROGRAM}: {sandbox.WITHOUT}", file=sys.stderr)
         try:
-            faults = grade(
+            faults += grade(
                 course,
                 tasks,
                 folder,
@@ -89,19 +94,19 @@ def _run(options: argparse.Namespace) -> int:
         print(f"{PROGRAM}: could not be run: {fault}", file=sys.stderr)
     if runs:
         ranked = standings(course, runs)
-        write_report(course, ranked, folder, missing=len(tasks) - len(runs))
-        width = max(len(_shown(one.agent)) for one in ranked)
+        write_report(course, ranked, folder, missing=expected - len(runs))
+        width = max(len(shown(one.agent)) for one in ranked)
         for one in ranked:
             bad = f"   {one.bad} of {len(one.runs)} runs failed" * (one.bad > 0)
-            print(f"{one.place:3d}  {_shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
+            print(f"{one.place:3d}  {shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
         if options.compare is not None:
             from ciberrato.grading.comparison import compare, words
 
-            print(words(compare(ranked, *options.compare), *map(_shown, options.compare)))
+            print(words(compare(ranked, *options.compare), *map(shown, options.compare)))
         print(folder / "index.html")
     if interrupted:
         print(
-            f"\n{PROGRAM}: interrupted after {len(runs)} of {len(tasks)} runs; the same command goes on "
+            f"\n{PROGRAM}: interrupted after {len(runs)} of {expected} runs; the same command goes on "
             "from here",
             file=sys.stderr,
         )
@@ -109,9 +114,9 @@ def _run(options: argparse.Namespace) -> int:
     return 1 if faults else 0
 
 
-def _shown(name: str) -> str:
-    """Return a name without what a terminal would obey."""
-    return "".join(sign if sign.isprintable() else "?" for sign in name)
+def _teller(options: argparse.Namespace) -> Callable[[str], None]:
+    """Return what says on standard error what goes on, if that is wanted."""
+    return lambda line: None if options.quiet else print(f"{PROGRAM}: {shown(line)}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -136,6 +141,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--jobs", type=_jobs, default=0, metavar="N", help="runs at a time; default: one a processor"
+    )
+    parser.add_argument(
+        "--tournament",
+        action="store_true",
+        help="several agents in each run, as [tournament] says; the report goes to COURSE-tournament",
     )
     parser.add_argument("--report", action="store_true", help="run nothing, write the report of what was run")
     parser.add_argument(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from ciberrato.files.start_grid import read_grid
 from ciberrato.files.xml import read_file
 from ciberrato.grading.expressions import Formula
 from ciberrato.grading.fields import Fields
-from ciberrato.grading.tournament.settings import TournamentSettings, read_settings
+from ciberrato.grading.tournament.settings import DEFAULT, TournamentSettings, read_settings
 from ciberrato.labs import find_grid, find_lab, find_parameters
 
 PLACEHOLDERS = ("{host}", "{port}", "{pos}", "{lab}", "{name}", "{seed}")
@@ -43,6 +44,10 @@ class Agent:
     build : tuple of str or None
         Words; run once, in the copy that the runs' copies are made of.
     environment : tuple of (str, str)
+    git, ref, inside : str or None
+        Address of a repository with its files; branch, tag or commit (None = its own choice); folder in it.
+    commit : str or None
+        That they are of, once fetched (`ciberrato.grading.repositories`).
     """
 
     name: str
@@ -50,6 +55,10 @@ class Agent:
     folder: Path | None = None
     build: tuple[str, ...] | None = None
     environment: tuple[tuple[str, str], ...] = ()
+    git: str | None = None
+    ref: str | None = None
+    inside: str | None = None
+    commit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +177,7 @@ class Course:
     limits: Limits
     points: Points
     readable: tuple[Path, ...] = ()
-    tournament: TournamentSettings = TournamentSettings()
+    tournament: TournamentSettings = DEFAULT
 
 
 class CourseError(UsageError):
@@ -255,7 +264,19 @@ def _course(top: Fields, folder: Path) -> Course:
 def _agent(table: Fields, folder: Path) -> Agent:
     name = table.name()
     given = table.text("folder", None)
-    place = None if given is None else (folder / given).resolve()
+    git, ref = table.text("git", None), table.text("ref", None)
+    inside = given if git is not None else None
+    place = None if given is None or git is not None else (folder / given).resolve()
+    if git is not None:
+        git = str((folder / git).resolve()) if (folder / git).is_dir() else git
+        if git.startswith("-"):
+            table.fault(f"git: {git!r} is no address")
+    elif ref is not None:
+        table.fault("ref: needs git, the address that it is of")
+    if ref is not None and re.fullmatch(r"[A-Za-z0-9_](?!.*\.\.)[\w./+@-]*", ref) is None:
+        table.fault(f"ref: {ref!r} is no branch, tag or commit")
+    if inside is not None and (Path(inside).is_absolute() or ".." in Path(inside).parts):
+        table.fault(f"folder: {inside!r} leads out of the repository")
     if place is not None and not place.is_dir():
         table.fault(f"folder: there is no folder {place}")
     elif place is not None and folder.resolve().is_relative_to(place):
@@ -270,9 +291,9 @@ def _agent(table: Fields, folder: Path) -> Agent:
     build = table.words("build")
     environment = table.settings("environment")
     table.end()
-    if build is not None and place is None:
+    if build is not None and place is None and git is None:
         table.fault("build: needs a folder to build in")
-    return Agent(name, command, place, build, environment)
+    return Agent(name, command, place, build, environment, git, ref, inside)
 
 
 def _lab(table: Fields, folder: Path) -> GradedLab:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
@@ -19,6 +18,7 @@ from ciberrato.errors import LabError, UsageError
 from ciberrato.files.atomic import cut_torn_line
 from ciberrato.grading.course import Course
 from ciberrato.grading.launch import Launcher, RunError
+from ciberrato.grading.leftovers import temporary_folder
 from ciberrato.grading.outcome import Outcome
 from ciberrato.grading.task import Task
 from ciberrato.progress import ProgressBar
@@ -123,8 +123,8 @@ def grade(
     missing = [task for task in tasks if task.key not in done]
     faults: list[str] = []
     bar = ProgressBar(len(missing), progress)
-    with file, tempfile.TemporaryDirectory(prefix="ciberrato-grade-", ignore_cleanup_errors=True) as name:
-        launcher = Launcher(course, sandbox, recordings, Path(name))
+    with file, temporary_folder() as temporary:
+        launcher = Launcher(course, sandbox, recordings, temporary)
 
         def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
             try:
@@ -137,6 +137,7 @@ def grade(
                 "agent": task.agent.name,
                 "lab": task.lab.name,
                 "seed": task.seed,
+                **({"commit": task.agent.commit} if task.agent.commit else {}),
                 "outcome": asdict(outcome),
                 "measured": measured,
             }

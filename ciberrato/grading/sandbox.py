@@ -140,7 +140,7 @@ def _python() -> list[Path]:
     """Where this Python, its packages and ours are; the rest of a checkout is not for agents."""
     places = [Path(sys.prefix), Path(sys.base_prefix), Path(sys.executable).resolve().parents[1]]
     places += [ROOT / name for name in ("ciberrato", "agent", "simulator_stub", "maps")]
-    return [place for place in places if place.exists()]
+    return [place for place in places if os.path.exists(place)]  # not one whose folder may not be read
 
 
 def _outermost(places: Sequence[Path]) -> list[Path]:

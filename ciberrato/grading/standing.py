@@ -42,6 +42,11 @@ class Standing:
     runs: list[tuple[Graded, float]]
 
     @property
+    def commit(self) -> str | None:
+        """Commit of its files, if a git address named them."""
+        return self.runs[0][0].task.agent.commit if self.runs else None
+
+    @property
     def bad(self) -> int:
         """Runs that it did not live through."""
         return sum(not run.outcome.good for run, _ in self.runs)

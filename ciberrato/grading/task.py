@@ -81,13 +81,14 @@ def of_course(course: Course) -> dict[str, Any]:
 
 def of_agent(agent: Agent) -> dict[str, Any]:
     """Return what an agent's runs depend on: command, build, environment, and all of its files."""
-    return {
+    program: dict[str, Any] = {
         "name": agent.name,
         "command": agent.command,
         "build": agent.build,
         "environment": agent.environment,
         "files": None if agent.folder is None else digest_folder(agent.folder),
     }
+    return program if agent.commit is None else program | {"commit": agent.commit}
 
 
 def of_lab(lab: GradedLab) -> dict[str, Any]:

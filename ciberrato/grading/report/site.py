@@ -106,6 +106,7 @@ def _agent(number: int, standing: Standing, folder: Path) -> str:
         name=escape(standing.agent),
         place=standing.place,
         points=_points(standing.total),
+        commit="" if standing.commit is None else f", commit <code>{escape(standing.commit[:10])}</code>",
         runs="".join(_run(run, points, folder) for run, points in standing.runs),
     )
 

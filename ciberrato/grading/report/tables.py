@@ -21,13 +21,14 @@ _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 
 
 def results_csv(ranked: Sequence[Standing]) -> str:
-    """Write a row a run: agent, lab, seed, points, and all of its outcome."""
+    """Write a row a run: agent, lab, seed, points, and all of its outcome, the agent's commit."""
     fields = list(Outcome.__dataclass_fields__)
-    rows: list[list[Any]] = [["agent", "lab", "seed", "points", *fields]]
+    rows: list[list[Any]] = [["agent", "lab", "seed", "points", *fields, "commit"]]
     for standing in ranked:
         for run, points in standing.runs:
             task = run.task
-            rows.append([task.agent.name, task.lab.name, task.seed, points, *asdict(run.outcome).values()])
+            values = [points, *asdict(run.outcome).values(), task.agent.commit]
+            rows.append([task.agent.name, task.lab.name, task.seed, *values])
     return _csv(rows)
 
 
@@ -66,6 +67,7 @@ def results_json(course: Course, ranked: Sequence[Standing], *, missing: int) ->
             {
                 "place": standing.place,
                 "agent": standing.agent,
+                "commit": standing.commit,
                 "points": standing.total,
                 "labs": standing.labs,
                 "runs": [

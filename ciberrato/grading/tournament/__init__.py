@@ -4,4 +4,4 @@
 the process that does one, `launch` and `runner` do all; `table` ranks, `page` shows.
 """
 
-__all__ = ["keeper", "launch", "matches", "page", "runner", "schedule", "settings", "table"]
+__all__ = ["command", "keeper", "launch", "matches", "page", "runner", "schedule", "settings", "table"]

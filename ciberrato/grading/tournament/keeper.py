@@ -2,8 +2,8 @@
 
 Agents are started one after the other, in order of their places, each when the one before has registered or
 will not: so it is known whose robot registers. Then this process, the only view that the simulator takes,
-presses Start. An agent that does not register, crashes or hangs is looked after by its own supervisor; the run
-goes on with the others.
+presses Start. An agent that does not register, crashes or hangs is looked after by its own supervisor; the
+run goes on with the others.
 """
 
 from __future__ import annotations
@@ -28,7 +28,11 @@ from ciberrato.processes import module_command
 from ciberrato.protocol import Start, ViewRegistration, decode_simulator_message, encode
 
 KEEPER = "ciberrato.grading.tournament.keeper"
-_REGISTERED = re.compile(rb"^robot (\d+), .*, registered from (?:udp|tcp) [\d.]+:(\d+)", re.MULTILINE)
+_SAID = rb"^ciberrato-simulator: "
+_REGISTERED = re.compile(
+    _SAID + rb"robot (\d+), .*, registered from (?:udp|tcp) [\d.]+:(\d+)(?:, binary)?$", re.MULTILINE
+)
+_REFUSED = re.compile(_SAID + rb"refused a robot at position (-?\d+), from ", re.MULTILINE)
 
 SECOND = "a second robot was registered"
 
@@ -169,9 +173,17 @@ class Match:
         seat.begin()
         limit = self._limits["registration"]
         until = time.monotonic() + limit
-        # An agent that has ended may have registered just before.
-        while seat.robot is None and self._until(lambda: seat.over or self._news(), until - time.monotonic()):
-            ended = seat.over
+        refused = len(_REFUSED.findall(self._output.tail))
+
+        def asked() -> list[bytes]:
+            return _REFUSED.findall(self._output.tail)[refused:]
+
+        def told() -> bool:
+            return seat.over or self._news() or bool(asked())
+
+        while seat.robot is None and self._until(told, until - time.monotonic()):
+            # An agent that has ended may have registered just before.
+            ended = seat.over or bool(asked())
             for robot, port in self._newcomers():
                 owner = self._owner(port) or seat
                 if owner.robot is not None:
@@ -183,6 +195,8 @@ class Match:
                 break
         if seat.robot is None and not seat.over and not self._orphaned:
             seat.note = f"not registered after {limit:g} s"
+            for place in asked():
+                seat.note = f"asked for start place {int(place)}, not {seat.number}: {{pos}} says which"
             seat.end()
             self._until(lambda: seat.over, 30.0)
         return None

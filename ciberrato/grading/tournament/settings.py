@@ -27,7 +27,7 @@ class TournamentSettings:
         Whether every meeting is run once from each start place for each agent; else there is one run, from
         places that are drawn so that all agents have them about equally often.
     points : tuple of float or None
-        Of the first place, the second, ...; None = the share of its opponents that an agent beats, in percent.
+        Of the first place, the second, ...; None = the share of opponents that are beaten, in percent.
     """
 
     robots: int | None = None
@@ -35,6 +35,9 @@ class TournamentSettings:
     draw: int = 1
     rotate: bool = True
     points: tuple[float, ...] | None = None
+
+
+DEFAULT = TournamentSettings()
 
 
 def read_settings(table: Fields) -> TournamentSettings:

@@ -1,10 +1,10 @@
 """Points by place, and the ranking of a tournament.
 
 In a run agents are placed by the points of the course's formula; equal ones share a place. An agent gets the
-share of its opponents that it beats, in percent, equal ones counting half; or what the course says that places
-are worth, where equal ones get the mean of the places that they share. One that did not register is last and
-gets nothing. From there on all is as in a grading: means of runs, labs by their weights; where totals are
-equal, the mean points by the formula decide.
+share of its opponents that it beats, in percent, equal ones counting half; or what the course says that
+places are worth, where equal ones get the mean of the places that they share. One that did not register is
+last and gets nothing. From there on all is as in a grading: means of runs, labs by their weights; where
+totals are equal, the mean points by the formula decide.
 """
 
 from __future__ import annotations
