@@ -23,5 +23,7 @@ __all__ = [
     "standing",
     "supervisor",
     "task",
+    "telling",
+    "tournament",
     "workspace",
 ]

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
-
-PROGRAM = "ciberrato-grade"
+from ciberrato.grading.telling import PROGRAM, shown
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -73,6 +72,10 @@ def _run(options: argparse.Namespace) -> int:
     if options.secret is not None:
         whole = with_secret(whole, options.secret)
     course, faults = fetch_agents(whole, _teller(options), network=not options.report)
+    if options.tournament:
+        from ciberrato.grading.tournament.command import run_tournament
+
+        return run_tournament(options, course, faults)
     expected = len(whole.agents) * len(whole.labs) * len(whole.seeds)
     folder = options.output or options.course.with_suffix("").with_name(f"{options.course.stem}-report")
     if options.publish is not None and options.publish.resolve() == folder.resolve():
@@ -107,14 +110,14 @@ def _run(options: argparse.Namespace) -> int:
             _teller(options)(parquet.WITHOUT)
         if options.publish is not None:
             publish_report(course, ranked, folder, options.publish, missing=expected - len(runs))
-        width = max(len(_shown(one.agent)) for one in ranked)
+        width = max(len(shown(one.agent)) for one in ranked)
         for one in ranked:
             bad = f"   {one.bad} of {len(one.runs)} runs failed" * (one.bad > 0)
-            print(f"{one.place:3d}  {_shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
+            print(f"{one.place:3d}  {shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
         if options.compare is not None:
             from ciberrato.grading.comparison import compare, words
 
-            print(words(compare(ranked, *options.compare), *map(_shown, options.compare)))
+            print(words(compare(ranked, *options.compare), *map(shown, options.compare)))
         print((folder if options.publish is None else options.publish) / "index.html")
     if interrupted:
         print(
@@ -128,12 +131,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _teller(options: argparse.Namespace) -> Callable[[str], None]:
     """Return what says on standard error what goes on, if that is wanted."""
-    return lambda line: None if options.quiet else print(f"{PROGRAM}: {_shown(line)}", file=sys.stderr)
-
-
-def _shown(name: str) -> str:
-    """Return a name without what a terminal would obey."""
-    return "".join(sign if sign.isprintable() else "?" for sign in name)
+    return lambda line: None if options.quiet else print(f"{PROGRAM}: {shown(line)}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -164,6 +162,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--jobs", type=_jobs, default=0, metavar="N", help="runs at a time; default: one a processor"
+    )
+    parser.add_argument(
+        "--tournament",
+        action="store_true",
+        help="several agents in each run, as [tournament] says; the report goes to COURSE-tournament",
     )
     parser.add_argument("--report", action="store_true", help="run nothing, write the report of what was run")
     parser.add_argument(

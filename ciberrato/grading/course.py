@@ -18,6 +18,7 @@ from ciberrato.grading.agents import read_agent
 from ciberrato.grading.expressions import Formula
 from ciberrato.grading.fields import Fields
 from ciberrato.grading.random_labs import random_files
+from ciberrato.grading.tournament.settings import DEFAULT, TournamentSettings, read_settings
 from ciberrato.labs import find_grid, find_lab, find_parameters
 
 QUANTITIES = frozenset(
@@ -136,6 +137,7 @@ class Course:
     points : Points
     readable : tuple of Path
         What a sandbox shows besides the system and Python.
+    tournament : TournamentSettings
     secret_seeds : frozenset of int
         Those of the seeds that published reports leave out.
     """
@@ -150,6 +152,7 @@ class Course:
     limits: Limits
     points: Points
     readable: tuple[Path, ...] = ()
+    tournament: TournamentSettings = DEFAULT
     secret_seeds: frozenset[int] = frozenset()
 
     def hides(self, lab: GradedLab, seed: int) -> bool:
@@ -218,6 +221,7 @@ def _course(top: Fields, folder: Path) -> Course:
         top.fault(f"readable: there is no {missing}")
     limits = _limits(top.table("limits"))
     points = _points(top.table("points"))
+    tournament = read_settings(top.table("tournament"))
     labs = tuple(read_graded_lab(table, folder) for table in top.tables("lab"))
     agents = tuple(read_agent(table, folder) for table in top.tables("agent"))
     for kind, names in (("lab", [lab.name for lab in labs]), ("agent", [agent.name for agent in agents])):
@@ -226,7 +230,19 @@ def _course(top: Fields, folder: Path) -> Course:
     if labs and sum(lab.weight for lab in labs) <= 0.0:
         top.fault("lab: no weight is greater than 0")
     top.end()
-    return Course(title, agents, labs, seeds, lockstep, speed or 1.0, answer_limit, limits, points, readable)
+    return Course(
+        title,
+        agents,
+        labs,
+        seeds,
+        lockstep,
+        speed or 1.0,
+        answer_limit,
+        limits,
+        points,
+        readable,
+        tournament,
+    )
 
 
 def read_graded_lab(table: Fields, folder: Path) -> GradedLab:

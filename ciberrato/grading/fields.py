@@ -113,6 +113,23 @@ class Fields:
             self.fault(f"{key}: true or false was expected, not {value!r}")
         return value is True
 
+    def numbers(self, key: str) -> tuple[float, ...] | None:
+        """Read a list of numbers; None if it is not there."""
+        value = self._take(key)
+        if value is None:
+            return None
+        if (
+            not isinstance(value, list)
+            or not value
+            or not all(
+                isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one)
+                for one in value
+            )
+        ):
+            self.fault(f"{key}: a list of numbers was expected, not {value!r}")
+            return None
+        return tuple(float(one) for one in value)
+
     def choice(self, key: str, choices: tuple[str, ...], default: str) -> str:
         """Read one of several words."""
         value = self._take(key)

@@ -17,9 +17,9 @@ from ciberrato.errors import CiberratoError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import parse_parameters
 from ciberrato.grading import sandbox
-from ciberrato.grading.course import Agent, Course, parameters_document
+from ciberrato.grading.course import Agent, Course, GradedLab, parameters_document
 from ciberrato.grading.outcome import Outcome, exit_words, judge
-from ciberrato.grading.supervisor import supervisor_command
+from ciberrato.grading.supervisor import SUPERVISOR
 from ciberrato.grading.task import Task
 from ciberrato.grading.workspace import copy_folder
 from ciberrato.processes import module_command
@@ -166,54 +166,77 @@ class Launcher:
     # --- a run ----------------------------------------------------------------------------------
 
     def _wanted(self, task: Task, files: Path | None, folder: Path, port: int) -> dict[str, Any]:
-        course, lab, agent = self._course, task.lab, task.agent
-        work, scoring = folder / "work", folder / "scoring"
-        if files is None:
-            work.mkdir()
-        else:
-            shutil.copytree(files, work, symlinks=True)
-        scoring.mkdir()
-        (folder / "parameters.xml").write_bytes(parameters_document(lab.parameters, lab.settings))
-        host = "127.0.0.1" if self._kind == "bwrap" else self._addresses.take()
-        simulator = [
-            *("--lab", str(lab.lab), "--param", str(folder / "parameters.xml")),
-            *(("--grid", str(lab.grid)) if lab.grid is not None else ()),
-            *("--scoring", str(lab.scoring), "--scoring-files", str(scoring), "--seed", str(task.seed)),
-            *("--bind", host, "--port", str(port), "--autostart", "1", "--exit-at-end"),
-            *("--exit-when-silent", str(course.limits.silence)),
-            *("--result", str(folder / "result.json"), "--log", str(folder / "log.xml")),
-        ]
-        if course.lockstep:
-            simulator.append("--lockstep")
-            if course.answer_limit is not None:
-                simulator += ["--answer-limit", str(course.answer_limit)]
-        else:
-            simulator += ["--speed", str(course.speed)]
-        values = {
-            "{host}": host,
-            "{port}": str(port),
-            "{pos}": str(lab.position),
-            "{lab}": lab.name,
-            "{name}": agent.name,
-            "{seed}": str(task.seed),
-        }
-        extra = {"CIBERRATO_HOST": host, "CIBERRATO_PORT": str(port), **dict(agent.environment)}
-        sandboxed = self._kind == "bwrap"
-        return {
-            "simulator": module_command("simulator_stub", *simulator),
-            "agent": self._inside([_filled(word, values) for word in agent.command], agent, work),
-            "environment": sandbox.environment_of_agent(extra),
-            "work": None if sandboxed else str(work),
+        lab, agent = task.lab, task.agent
+        host = self._host()
+        simulator = self._simulator(lab, task.seed, folder, host, port)
+        return self._program(agent, lab, task.seed, files, folder / "work", host, port, lab.position) | {
+            "simulator": module_command("simulator_stub", *simulator, "--autostart", "1", "--views", "0"),
             "result": str(folder / "result.json"),
             "log": str(folder / "log.xml"),
             "title": f"of {agent.name}, {lab.name}, seed {task.seed}",
             "recording": str(self._recordings / f"{task.file}.js"),
-            "limits": asdict(course.limits),
+        }
+
+    def _host(self) -> str:
+        return "127.0.0.1" if self._kind == "bwrap" else self._addresses.take()
+
+    def _simulator(self, lab: GradedLab, seed: int, folder: Path, host: str, port: int) -> list[str]:
+        """Return the simulator's options; its files are in the folder, ``scoring`` below it is made.
+
+        Nobody may begin the run again, and see where the robots are, as views do: `--views` is the caller's.
+        """
+        course, scoring = self._course, folder / "scoring"
+        scoring.mkdir()
+        (folder / "parameters.xml").write_bytes(parameters_document(lab.parameters, lab.settings))
+        words = [
+            *("--lab", str(lab.lab), "--param", str(folder / "parameters.xml")),
+            *(("--grid", str(lab.grid)) if lab.grid is not None else ()),
+            *("--scoring", str(lab.scoring), "--scoring-files", str(scoring), "--seed", str(seed)),
+            *("--bind", host, "--port", str(port), "--exit-at-end", "--no-restart"),
+            *("--exit-when-silent", str(course.limits.silence)),
+            *("--result", str(folder / "result.json"), "--log", str(folder / "log.xml")),
+        ]
+        if not course.lockstep:
+            return [*words, "--speed", str(course.speed)]
+        limit = course.answer_limit
+        return [*words, "--lockstep", *(() if limit is None else ("--answer-limit", str(limit)))]
+
+    def _program(
+        self,
+        agent: Agent,
+        lab: GradedLab,
+        seed: int,
+        files: Path | None,
+        work: Path,
+        host: str,
+        port: int,
+        position: int,
+    ) -> dict[str, Any]:
+        """Return how an agent is started for a run, in a copy of its files."""
+        if files is None:
+            work.mkdir()
+        else:
+            shutil.copytree(files, work, symlinks=True)
+        values = {
+            "{host}": host,
+            "{port}": str(port),
+            "{pos}": str(position),
+            "{lab}": lab.name,
+            "{name}": agent.name,
+            "{seed}": str(seed),
+        }
+        extra = {"CIBERRATO_HOST": host, "CIBERRATO_PORT": str(port), **dict(agent.environment)}
+        return {
+            "simulator": None,
+            "agent": self._inside([_filled(word, values) for word in agent.command], agent, work),
+            "environment": sandbox.environment_of_agent(extra),
+            "work": None if self._kind == "bwrap" else str(work),
+            "limits": asdict(self._course.limits),
             "overhead": self._overhead,
         }
 
-    def _supervise(self, wanted: dict[str, Any]) -> dict[str, Any]:
-        command = supervisor_command()
+    def _supervise(self, wanted: dict[str, Any], module: str = SUPERVISOR) -> dict[str, Any]:
+        command = module_command(module)
         if self._kind == "bwrap":
             command = sandbox.around_run(command)
         process = subprocess.Popen(

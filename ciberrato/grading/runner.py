@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO, TypeVar
 
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.atomic import cut_torn_line
@@ -22,6 +22,9 @@ from ciberrato.grading.leftovers import temporary_folder
 from ciberrato.grading.outcome import Outcome
 from ciberrato.grading.task import Task
 from ciberrato.progress import ProgressBar
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +43,15 @@ class Graded:
     task: Task
     outcome: Outcome
     measured: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        """Which of the agent's runs it is."""
+        return f"{self.task.lab.name}, seed {self.task.seed}"
+
+    def extra(self) -> dict[str, Any]:
+        """Return further columns of the results."""
+        return {}
 
 
 def read_runs(path: Path) -> dict[str, tuple[Outcome, dict[str, Any]]]:
@@ -106,12 +118,7 @@ def grade(
         If the folder cannot be written to, or an agent's files cannot be copied.
     """
     path, recordings = folder / "runs.jsonl", folder / "recordings"
-    try:
-        recordings.mkdir(parents=True, exist_ok=True)
-        cut_torn_line(path)
-        file = path.open("ab", buffering=0)
-    except OSError as error:
-        raise UsageError(f"{folder}: cannot be written: {error.strerror}") from None
+    file = open_runs(path, recordings)
     done = read_runs(path)
     missing = [task for task in tasks if task.key not in done]
     faults: list[str] = []
@@ -140,30 +147,60 @@ def grade(
             file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
             bar.step()
 
-        _side_by_side(missing, launcher, jobs, keep)
+        side_by_side(missing, launcher.run, launcher.end, jobs, keep)
     bar.close()
     return faults
 
 
-def _side_by_side(
-    tasks: Sequence[Task],
-    launcher: Launcher,
+def open_runs(path: Path, recordings: Path) -> BinaryIO:
+    """Open the file of runs to add to it, without a torn last line; and make the recordings' folder.
+
+    Raises
+    ------
+    UsageError
+        If that cannot be.
+    """
+    try:
+        recordings.mkdir(parents=True, exist_ok=True)
+        cut_torn_line(path)
+        return path.open("ab", buffering=0)
+    except OSError as error:
+        raise UsageError(f"{path.parent}: cannot be written: {error.strerror}") from None
+
+
+def side_by_side(
+    tasks: Sequence[T],
+    do: Callable[[T], R],
+    end: Callable[[], None],
     jobs: int,
-    keep: Callable[[Task, Future[tuple[Outcome, dict[str, Any]]]], None],
+    keep: Callable[[T, Future[R]], None],
 ) -> None:
+    """Do tasks in threads, so many at a time.
+
+    Parameters
+    ----------
+    tasks : sequence
+    do : callable
+        Does one.
+    end : callable
+        Ends those that go on; called at the end, and when something interrupts.
+    jobs : int
+    keep : callable
+        Told of each as soon as it is done, in this thread.
+    """
     executor = ThreadPoolExecutor(jobs)
-    running: dict[Future[tuple[Outcome, dict[str, Any]]], Task] = {}
+    running: dict[Future[R], T] = {}
     waiting = iter(tasks)
     try:
         while True:
             while len(running) < jobs and (task := next(waiting, None)) is not None:
-                running[executor.submit(launcher.run, task)] = task
+                running[executor.submit(do, task)] = task
             if not running:
                 break
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 keep(running.pop(future), future)
     finally:
-        launcher.end()
+        end()
         executor.shutdown(cancel_futures=True)
 
 

@@ -9,7 +9,7 @@ equal totals, to a millionth, share a place, and the next place counts them all:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ciberrato.errors import UsageError
@@ -75,7 +75,13 @@ def points_of(course: Course, run: Graded) -> float:
     return points + 0.0  # no -0
 
 
-def standings(course: Course, runs: Sequence[Graded]) -> list[Standing]:
+def standings(
+    course: Course,
+    runs: Sequence[Graded],
+    *,
+    points: Callable[[Graded], float] | None = None,
+    second: Callable[[Graded], float] = lambda run: 0.0,
+) -> list[Standing]:
     """Rank the agents.
 
     Parameters
@@ -83,6 +89,10 @@ def standings(course: Course, runs: Sequence[Graded]) -> list[Standing]:
     course : Course
     runs : sequence of Graded
         Those that are done; an agent without any is left out.
+    points : callable, optional
+        Points of a run, if not those of the course's formula.
+    second : callable
+        What decides, in the same mean, where totals are equal.
 
     Returns
     -------
@@ -91,22 +101,30 @@ def standings(course: Course, runs: Sequence[Graded]) -> list[Standing]:
     """
     found = []
     for agent in course.agents:
-        own = [(run, points_of(course, run)) for run in runs if run.task.agent.name == agent.name]
+        own = [run for run in runs if run.task.agent.name == agent.name]
         if not own:
             continue
-        labs, weights = {}, {}
-        for lab in course.labs:
-            there = [points for run, points in own if run.task.lab.name == lab.name]
-            if there:
-                labs[lab.name] = math.fsum(there) / len(there)
-                weights[lab.name] = lab.weight
-        whole = math.fsum(weights.values())
-        total = math.fsum(labs[name] * weights[name] for name in labs) / whole if whole else 0.0
-        found.append((total, agent, labs, own))
-    found.sort(key=lambda one: -one[0])
+        counted = [(run, points_of(course, run) if points is None else points(run)) for run in own]
+        labs, total = _means(course, counted)
+        found.append((total, _means(course, [(run, second(run)) for run in own])[1], agent, labs, counted))
+    found.sort(key=lambda one: (-round(one[0] / EQUAL), -one[1]))
     ranked: list[Standing] = []
-    for number, (total, agent, labs, own) in enumerate(found, 1):
-        tied = bool(ranked) and abs(ranked[-1].total - total) <= EQUAL
+    before = math.inf
+    for number, (total, further, agent, labs, counted) in enumerate(found, 1):
+        tied = bool(ranked) and abs(ranked[-1].total - total) <= EQUAL and abs(before - further) <= EQUAL
         place = ranked[-1].place if tied else number
-        ranked.append(Standing(place, agent.name, total, labs, own, commit=agent.commit))
+        ranked.append(Standing(place, agent.name, total, labs, counted, commit=agent.commit))
+        before = further
     return ranked
+
+
+def _means(course: Course, counted: Sequence[tuple[Graded, float]]) -> tuple[dict[str, float], float]:
+    """Compute the mean of each lab, and that of the labs by their weights."""
+    labs, weights = {}, {}
+    for lab in course.labs:
+        there = [points for run, points in counted if run.task.lab.name == lab.name]
+        if there:
+            labs[lab.name] = math.fsum(there) / len(there)
+            weights[lab.name] = lab.weight
+    whole = math.fsum(weights.values())
+    return labs, math.fsum(labs[name] * weights[name] for name in labs) / whole if whole else 0.0

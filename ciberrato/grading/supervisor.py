@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from ciberrato.grading import children
-from ciberrato.processes import module_command
+
+SUPERVISOR = "ciberrato.grading.supervisor"
+"""This process, for `ciberrato.processes.module_command`."""
 
 LOOK = 0.05
 """Seconds between looks at what the agent uses."""
@@ -256,7 +258,7 @@ class Run:
             code, number = None, -status if status < 0 else status - 128
         return {
             "error": None,
-            "run": _last_run(self._wanted.get("result")),
+            "run": last_run(self._wanted.get("result")),
             "registered": self._registered(),
             "note": note,
             "stopped": self._stopped,
@@ -271,7 +273,8 @@ class Run:
         }
 
 
-def _last_run(path: str | None) -> dict[str, Any] | None:
+def last_run(path: str | None) -> dict[str, Any] | None:
+    """Read the last run of a simulator's result file; None if there is none."""
     try:
         runs = json.loads(Path(path or os.devnull).read_text(encoding="utf-8"))["runs"]
     except (OSError, ValueError, KeyError):
@@ -281,6 +284,21 @@ def _last_run(path: str | None) -> dict[str, Any] | None:
 
 def main() -> int:
     """Do the run that standard input asks for."""
+    return look_after(lambda wanted: Run(wanted).run())
+
+
+def look_after(do: Callable[[dict[str, Any]], dict[str, Any]]) -> int:
+    """Do what a line of standard input asks for, and write what came of it, and its recording.
+
+    Parameters
+    ----------
+    do : callable
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that started this decides
     children.adopt_orphans()
     line = b""
@@ -290,18 +308,13 @@ def main() -> int:
             return 1
         line += one
     wanted = json.loads(line)
-    document = Run(wanted).run()
+    document = do(wanted)
     if wanted.get("log") and document.get("run"):
         from ciberrato.grading.recording import write_recording
 
         write_recording(Path(wanted["log"]), Path(wanted["recording"]), wanted["title"])
     print(json.dumps(document), flush=True)
     return 0
-
-
-def supervisor_command() -> list[str]:
-    """Return the command line of this process."""
-    return module_command("ciberrato.grading.supervisor")
 
 
 if __name__ == "__main__":
