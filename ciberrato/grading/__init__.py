@@ -5,6 +5,7 @@ __all__ = [
     "cache",
     "children",
     "cli",
+    "cluster",
     "comparison",
     "containers",
     "course",

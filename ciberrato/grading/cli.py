@@ -73,8 +73,8 @@ def _run(options: argparse.Namespace) -> int:
         whole = with_secret(whole, options.secret)
     course, faults = fetch_agents(whole, _teller(options), network=not options.report)
     if options.tournament:
-        if options.sandbox == "docker":
-            raise UsageError("--tournament: not in containers; take --sandbox bwrap")
+        if options.sandbox == "docker" or options.scheduler is not None:
+            raise UsageError("--tournament: neither in containers nor on a cluster; take --sandbox bwrap")
         from ciberrato.grading.tournament.command import run_tournament
 
         return run_tournament(options, course, faults)
@@ -85,7 +85,9 @@ def _run(options: argparse.Namespace) -> int:
     tasks = tasks_of(course)
     interrupted = False
     if not options.report:
-        kind = sandbox.choose(options.sandbox, course.image)
+        kind = options.sandbox
+        if options.scheduler is None:
+            kind = sandbox.choose(options.sandbox, course.image)
         if kind == "none":
             print(f"{PROGRAM}: {sandbox.WITHOUT}", file=sys.stderr)
         try:
@@ -96,6 +98,7 @@ def _run(options: argparse.Namespace) -> int:
                 sandbox=kind,
                 jobs=options.jobs or jobs_by_default(lockstep=course.lockstep),
                 progress=None if options.quiet else sys.stderr,
+                scheduler=options.scheduler,
             )
         except KeyboardInterrupt:
             interrupted = True
@@ -171,6 +174,7 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="several agents in each run, as [tournament] says; the report goes to COURSE-tournament",
     )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the runs instead")
     parser.add_argument("--report", action="store_true", help="run nothing, write the report of what was run")
     parser.add_argument(
         "--compare", nargs=2, metavar="AGENT", help="compare two agents by runs of the same lab and seed"

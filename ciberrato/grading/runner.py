@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO, TypeVar
 
@@ -92,6 +93,7 @@ def grade(
     sandbox: str,
     jobs: int,
     progress: TextIO | None,
+    scheduler: str | None = None,
 ) -> list[str]:
     """Do the runs that are missing.
 
@@ -101,11 +103,14 @@ def grade(
     tasks : sequence of Task
     folder : Path
         Where ``runs.jsonl`` and ``recordings`` are, or are made.
-    sandbox : {"bwrap", "none"}
+    sandbox : {"bwrap", "docker", "podman", "none"}
+        With a scheduler also ``auto``: each worker chooses.
     jobs : int
         Runs at a time.
     progress : text stream or None
         For a bar.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers do the runs.
 
     Returns
     -------
@@ -126,9 +131,9 @@ def grade(
     with file, temporary_folder() as temporary:
         launcher = Launcher(course, sandbox, recordings, temporary)
 
-        def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
+        def note(task: Task, get: Callable[[], tuple[Outcome, dict[str, Any]]]) -> None:
             try:
-                outcome, measured = future.result()
+                outcome, measured = get()
             except RunError as error:
                 # A server's output is for all to see.
                 where = f"{task.lab.name}, seed {task.seed}"
@@ -147,9 +152,24 @@ def grade(
             file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
             bar.step()
 
-        side_by_side(missing, launcher.run, launcher.end, jobs, keep)
+        def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
+            note(task, future.result)
+
+        if scheduler is None:
+            side_by_side(missing, launcher.run, launcher.end, jobs, keep)
+        elif missing:
+            from ciberrato.grading.cluster import on_cluster
+
+            for task, answer in on_cluster(course, missing, sandbox, scheduler, recordings):
+                note(task, partial(_answer, answer))
     bar.close()
     return faults
+
+
+def _answer(answer: tuple[Outcome, dict[str, Any]] | RunError) -> tuple[Outcome, dict[str, Any]]:
+    if isinstance(answer, RunError):
+        raise answer
+    return answer
 
 
 def open_runs(path: Path, recordings: Path) -> BinaryIO:
