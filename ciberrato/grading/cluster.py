@@ -144,7 +144,7 @@ def run_there(course: Course, task: Task, texts: dict[str, bytes], files: bytes 
     try:
         launcher, folder = _launcher(course, task, files, kind)
         agent = task.agent if files is None else dataclasses.replace(task.agent, folder=folder / "files")
-        paths = {}
+        paths: dict[str, Any] = {}
         for name, contents in texts.items():
             paths[name] = folder / f"{hashlib.sha256(contents).hexdigest()[:24]}.xml"
             if not paths[name].exists():

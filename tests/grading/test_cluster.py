@@ -73,9 +73,11 @@ def test_a_cluster_gives_the_report_of_one_computer(course, tmp_path, address):
 
 
 def test_what_cannot_be_run_there_is_told_and_not_kept(course, tmp_path, address, monkeypatch):
-    monkeypatch.setattr(
-        cluster.sandbox, "choose", lambda *words: (_ for _ in ()).throw(UsageError("no walls"))
-    )
+    def refuse(*words):
+        raise UsageError("no walls")
+
+    monkeypatch.setattr(cluster.sandbox, "choose", refuse)
+    monkeypatch.setattr(cluster, "_LAUNCHERS", {})
     faults, outcomes = done(course, tmp_path / "there", scheduler=address)
     assert "robot, maze, seed 1: no walls" in faults
     assert len(faults) == 12
