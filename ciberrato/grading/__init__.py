@@ -3,6 +3,7 @@
 __all__ = [
     "agents",
     "cache",
+    "cgroups",
     "children",
     "cli",
     "cluster",

@@ -60,6 +60,7 @@ def _init(words: Sequence[str]) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     from ciberrato.grading import sandbox
+    from ciberrato.grading.cgroups import Groups, find_groups
     from ciberrato.grading.course import read_course
     from ciberrato.grading.report import parquet, publish_report, write_report
     from ciberrato.grading.repositories import fetch_agents
@@ -90,6 +91,9 @@ def _run(options: argparse.Namespace) -> int:
             kind = sandbox.choose(options.sandbox, course.image)
         if kind == "none":
             print(f"{PROGRAM}: {sandbox.WITHOUT}", file=sys.stderr)
+        groups = find_groups() if kind in ("bwrap", "none") and options.scheduler is None else Groups()
+        if kind in ("bwrap", "none"):
+            _teller(options)(groups.told)
         try:
             faults += grade(
                 course,
@@ -99,9 +103,12 @@ def _run(options: argparse.Namespace) -> int:
                 jobs=options.jobs or jobs_by_default(lockstep=course.lockstep),
                 progress=None if options.quiet else sys.stderr,
                 scheduler=options.scheduler,
+                groups=groups,
             )
         except KeyboardInterrupt:
             interrupted = True
+        finally:
+            groups.close()
     done = read_runs(folder / "runs.jsonl")
     runs = [Graded(task, *done[task.key]) for task in tasks if task.key in done]
     if options.report and not runs:

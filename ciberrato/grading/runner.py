@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, TextIO, TypeVar
 
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.atomic import cut_torn_line
+from ciberrato.grading.cgroups import Groups
 from ciberrato.grading.course import Course
 from ciberrato.grading.launch import Launcher, RunError
 from ciberrato.grading.leftovers import temporary_folder
@@ -94,6 +95,7 @@ def grade(
     jobs: int,
     progress: TextIO | None,
     scheduler: str | None = None,
+    groups: Groups | None = None,
 ) -> list[str]:
     """Do the runs that are missing.
 
@@ -111,6 +113,8 @@ def grade(
         For a bar.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers do the runs.
+    groups : Groups, optional
+        Control groups for the agents.
 
     Returns
     -------
@@ -130,6 +134,8 @@ def grade(
     bar = ProgressBar(len(missing), progress)
     with file, temporary_folder() as temporary:
         launcher = Launcher(course, sandbox, recordings, temporary)
+        if groups is not None:
+            launcher.groups = groups
 
         def note(task: Task, get: Callable[[], tuple[Outcome, dict[str, Any]]]) -> None:
             try:
