@@ -1,4 +1,4 @@
-"""Control groups, with stand-ins for systemd and for the kernel's folder, which note what is asked of them."""
+"""Control groups, with stand-ins for systemd and the kernel's folder, which note what is asked of them."""
 
 import os
 import shutil
