@@ -15,7 +15,18 @@ if TYPE_CHECKING:
     from ciberrato.grading.course import Course
     from ciberrato.grading.standing import Standing
 
-__all__ = ["gradescope", "junit", "parquet", "player", "publish_report", "site", "tables", "write_report"]
+__all__ = [
+    "gradescope",
+    "junit",
+    "meetings",
+    "parquet",
+    "pieces",
+    "player",
+    "publish_report",
+    "site",
+    "tables",
+    "write_report",
+]
 
 
 def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, missing: int) -> None:
@@ -37,12 +48,12 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
     """
     from ciberrato.errors import UsageError
     from ciberrato.files.atomic import replace_file
-    from ciberrato.grading.report import gradescope, junit, parquet, player, site, tables
+    from ciberrato.grading.report import gradescope, junit, parquet, pieces, player, site, tables
 
     texts = {
         "index.html": site.index_page(course, ranked, folder, missing=missing),
-        "report.css": site.asset("report.css"),
-        "report.js": site.asset("report.js"),
+        "report.css": pieces.asset("report.css"),
+        "report.js": pieces.asset("report.js"),
         "results.csv": tables.results_csv(ranked),
         "measured.csv": tables.measured_csv(ranked),
         "measured.js": tables.measured_script(ranked),

@@ -156,9 +156,9 @@ class Match:
                 if wrong is not None:
                     return {"error": None, "again": wrong[0].number, "why": wrong[1]}
             if any(seat.robot is not None for seat in self._seats):
-                wrong = self._press_start(view)
-                if wrong is not None:
-                    return {"error": None, "again": wrong.number, "why": SECOND}
+                double = self._press_start(view)
+                if double is not None:
+                    return {"error": None, "again": double.number, "why": SECOND}
                 # Each supervisor stops its agent in time, and a run whose robots are silent ends by itself.
                 self._until(lambda: False, self._limits["time"] + 60.0 + 2.0 * self._limits["silence"])
         until = time.monotonic() + GRACE
