@@ -99,8 +99,8 @@ def _row(parts: Sequence[_Part], folder: Path) -> str:
         f"{'' if one.outcome.good else f', {escape(one.outcome.status)}'}</small></li>"
         for one, points, own in sorted(parts, key=lambda part: (part[2]["place"], part[2]["start"]))
     )
+    where = f"round {extra['round']}, group {extra['group']}"
     return (
-        f"<tr><td>{play_link(run, folder)}</td><td>{escape(run.task.lab.name)}</td>"
-        f'<td class="num">{run.task.seed}</td><td class="num">{extra["round"]}</td>'
-        f'<td class="num">{extra["group"]}</td><td><ol class="made">{made}</ol></td></tr>\n'
+        f"<tr><td>{play_link(run, folder)}</td><td>{escape(run.task.lab.name)}, seed {run.task.seed}"
+        f'<small>{where}</small></td><td><ol class="made">{made}</ol></td></tr>\n'
     )

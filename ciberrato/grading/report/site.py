@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ciberrato.grading.standing import Standing
 
 _WIDTH, _HEIGHT = 160, 22
+_MAPS = {"mapping": "Map", "planning": "Tour"}
 _OPEN = 3
 """Agents whose runs are shown at once; those of others at a click."""
 
@@ -46,6 +47,9 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
     low, high = min(span), max(span)
     if course.points.maximum is not None:
         low, high = 0.0, course.points.maximum
+    outcomes = [run.outcome for standing in ranked for run, _ in standing.runs]
+    # Columns that no run has anything in are left out.
+    maps = [name for name in _MAPS if any(getattr(one, name) is not None for one in outcomes)]
     pace = "in lockstep" if course.lockstep else f"at {course.speed:g} times real time"
     labs = [f'<th class="num">{escape(lab.name)}<small>×{lab.weight:g}</small></th>' for lab in course.labs]
     notices = []
@@ -58,8 +62,8 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
         title=escape(course.title),
         summary=", ".join(
             [
-                *(f"{len(ranked)} agents", f"{len(labs)} labs", f"{len(course.seeds)} seeds"),
-                *(f"{count} runs", pace),
+                *(_many(len(ranked), "agent"), _many(len(labs), "lab"), _many(len(course.seeds), "seed")),
+                *(_many(count, "run"), pace),
             ]
         ),
         notice="".join(f'<p class="notice">{notice}</p>' for notice in notices),
@@ -70,7 +74,9 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
         ),
         worth=_worth(course, ranked),
         meetings=meetings_section(ranked, folder),
-        agents="".join(_agent(number, standing, folder) for number, standing in enumerate(ranked, 1)),
+        agents="".join(
+            _agent(number, standing, folder, maps, course) for number, standing in enumerate(ranked, 1)
+        ),
     )
 
 
@@ -86,6 +92,10 @@ def _worth(course: Course, ranked: Sequence[Standing]) -> str:
     if table is not None:
         worth = f"{', '.join(f'{one:g}' for one in table)} for place 1, 2, ..., shared by equal ones"
     return f"In a run agents are placed by {formula}. An agent gets {worth}."
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def _row(number: int, standing: Standing, course: Course, low: float, high: float) -> str:
@@ -119,7 +129,7 @@ def _strip(points: Sequence[float], mean: float, low: float, high: float) -> str
     )
 
 
-def _agent(number: int, standing: Standing, folder: Path) -> str:
+def _agent(number: int, standing: Standing, folder: Path, maps: Sequence[str], course: Course) -> str:
     return Template(asset("agent.html")).substitute(
         number=number,
         open=" open" * (number <= _OPEN),
@@ -128,15 +138,15 @@ def _agent(number: int, standing: Standing, folder: Path) -> str:
         points=rounded(standing.total),
         commit="" if standing.commit is None else f", commit <code>{escape(standing.commit[:10])}</code>",
         extra="".join(f'<th class="num">{name.capitalize()}</th>' for name in standing.runs[0][0].extra()),
-        runs="".join(_run(run, points, folder) for run, points in standing.runs),
+        maps="".join(f'<th class="num">{_MAPS[name]}</th>' for name in maps),
+        runs="".join(_run(run, points, folder, maps, course) for run, points in standing.runs),
     )
 
 
-def _run(run: Graded, points: float, folder: Path) -> str:
+def _run(run: Graded, points: float, folder: Path, maps: Sequence[str], course: Course) -> str:
     outcome, task = run.outcome, run.task
     words = escape(outcome.status) + (f"<small>{escape(outcome.detail)}</small>" if outcome.detail else "")
-    tail = str(run.measured.get("tail", "")).strip()
-    output = f"<details><summary>last lines</summary><pre>{escape(tail)}</pre></details>" if tail else ""
+    words += _why(run, course)
     if not outcome.registered:
         numbers = ["–"] * 8
     else:
@@ -150,16 +160,33 @@ def _run(run: Graded, points: float, folder: Path) -> str:
             str(outcome.unanswered),
             str(outcome.late),
         ]
-    numbers += ["–" if value is None else f"{value:g}" for value in (outcome.mapping, outcome.planning)]
+    judged = [getattr(outcome, name) for name in maps]
+    numbers += ["–" if value is None else f"{value:g}" for value in judged]
     cells = "".join(f'<td class="num">{value}</td>' for value in numbers)
     extra = "".join(f"<td{_kind(value)}>{_shown(value)}</td>" for value in run.extra().values())
     return (
         f'<tr data-run="{run.row}"><td>{play_link(run, folder)}</td><td>{escape(task.lab.name)}</td>'
         f'<td class="num">{task.seed}</td>{extra}<td class="{"good" if outcome.good else "bad"}">{words}</td>'
         f'<td class="num total">{rounded(points)}</td>{cells}'
-        f'<td class="num" data-measured="wall"></td><td class="num" data-measured="memory"></td>'
-        f"<td>{output}</td></tr>\n"
+        f'<td class="num" data-measured="wall"></td><td class="num" data-measured="memory"></td></tr>\n'
     )
+
+
+def _why(run: Graded, course: Course) -> str:
+    """Write how the run's points come about, and the last lines of the agent's output."""
+    text = ""
+    if run.outcome.registered:
+        values = run.outcome.quantities()
+        formula = course.points.formula
+        used = ", ".join(f"{name} = {values[name]:g}" for name in sorted(formula.names))
+        text = f"{formula.text} = {rounded(formula(values))}{', with ' * bool(used)}{used}"
+    else:
+        text = "An agent that never registered gets no points."
+    tail = str(run.measured.get("tail", "")).strip()
+    output = (
+        f"<p>Last lines of its output:</p><pre>{escape(tail)}</pre>" if tail else "<p>It printed nothing.</p>"
+    )
+    return f'<details class="why"><summary>why</summary><p>{escape(text)}</p>{output}</details>'
 
 
 def _kind(value: object) -> str:

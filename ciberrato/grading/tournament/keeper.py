@@ -101,7 +101,7 @@ class Match:
     ----------
     wanted : mapping
         ``simulator`` (command line), ``host``, ``port``, ``agents`` (for each, or None for a place that stays
-        empty, what its supervisor wants), ``limits``, ``result``.
+        empty, what its supervisor wants), ``names`` of all, ``limits``, ``result``.
     """
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
@@ -276,6 +276,11 @@ class Match:
             "error": None,
             "again": None,
             "run": last_run(self._wanted["result"]),
+            "names": {
+                str(seat.robot): self._wanted["names"][seat.number - 1]
+                for seat in self._seats
+                if seat.robot is not None
+            },
             "agents": [documents.get(number) for number in range(1, len(self._wanted["agents"]) + 1)],
         }
 
