@@ -61,10 +61,15 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
         "junit.xml": junit.junit_document(course, ranked),
         **player.player_files(),
     }
-    for number, standing in enumerate(ranked, 1):
-        texts[f"gradescope/{number:03d}-{gradescope.plain(standing.agent)}/results.json"] = (
-            gradescope.results(course, standing)
-        )
+    # Numbered as in the course, not by place: a folder is the same agent's whatever the ranking.
+    numbers = {agent.name: number for number, agent in enumerate(course.agents, 1)}
+    for standing in ranked:
+        name = f"{numbers[standing.agent]:03d}-{gradescope.plain(standing.agent)}"
+        texts[f"gradescope/{name}/results.json"] = gradescope.results(course, standing)
+    for path in folder.glob("gradescope/*/results.json"):
+        if path.relative_to(folder).as_posix() not in texts:
+            path.unlink()  # of an agent that is no longer there
+            path.parent.rmdir()
     for name, text in texts.items():
         path = folder / name
         try:
