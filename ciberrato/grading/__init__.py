@@ -6,6 +6,7 @@ __all__ = [
     "children",
     "cli",
     "comparison",
+    "containers",
     "course",
     "expressions",
     "fields",

@@ -73,6 +73,8 @@ def _run(options: argparse.Namespace) -> int:
         whole = with_secret(whole, options.secret)
     course, faults = fetch_agents(whole, _teller(options), network=not options.report)
     if options.tournament:
+        if options.sandbox == "docker":
+            raise UsageError("--tournament: not in containers; take --sandbox bwrap")
         from ciberrato.grading.tournament.command import run_tournament
 
         return run_tournament(options, course, faults)
@@ -83,7 +85,7 @@ def _run(options: argparse.Namespace) -> int:
     tasks = tasks_of(course)
     interrupted = False
     if not options.report:
-        kind = sandbox.choose(options.sandbox)
+        kind = sandbox.choose(options.sandbox, course.image)
         if kind == "none":
             print(f"{PROGRAM}: {sandbox.WITHOUT}", file=sys.stderr)
         try:
@@ -157,7 +159,8 @@ def _parser() -> argparse.ArgumentParser:
         "--sandbox",
         choices=KINDS,
         default="auto",
-        help="bwrap: bubblewrap, loopback only, other files unseen; none: limits only; default: auto, bwrap "
+        help="bwrap: bubblewrap, loopback only, other files unseen; docker: containers of the course's "
+        "image (docker, or podman); none: limits only; default: auto, bwrap "
         "where it works",
     )
     parser.add_argument(

@@ -138,6 +138,8 @@ class Course:
     readable : tuple of Path
         What a sandbox shows besides the system and Python.
     tournament : TournamentSettings
+    image : str or None
+        Of containers, with ciberrato and what agents need.
     secret_seeds : frozenset of int
         Those of the seeds that published reports leave out.
     """
@@ -153,6 +155,7 @@ class Course:
     points: Points
     readable: tuple[Path, ...] = ()
     tournament: TournamentSettings = DEFAULT
+    image: str | None = None
     secret_seeds: frozenset[int] = frozenset()
 
     def hides(self, lab: GradedLab, seed: int) -> bool:
@@ -219,6 +222,7 @@ def _course(top: Fields, folder: Path) -> Course:
     readable = tuple(folder / name for name in top.texts("readable"))
     for missing in (place for place in readable if not place.exists()):
         top.fault(f"readable: there is no {missing}")
+    image = top.text("image", None)
     limits = _limits(top.table("limits"))
     points = _points(top.table("points"))
     tournament = read_settings(top.table("tournament"))
@@ -242,6 +246,7 @@ def _course(top: Fields, folder: Path) -> Course:
         points,
         readable,
         tournament,
+        image,
     )
 
 

@@ -16,7 +16,7 @@ from typing import Any
 from ciberrato.errors import CiberratoError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import parse_parameters
-from ciberrato.grading import sandbox
+from ciberrato.grading import containers, sandbox
 from ciberrato.grading.course import Agent, Course, GradedLab, parameters_document
 from ciberrato.grading.outcome import Outcome, exit_words, judge
 from ciberrato.grading.supervisor import SUPERVISOR
@@ -40,7 +40,7 @@ class Launcher:
     Parameters
     ----------
     course : Course
-    kind : {"bwrap", "none"}
+    kind : {"bwrap", "docker", "podman", "none"}
         The sandbox.
     recordings : Path
         Folder of the recordings.
@@ -108,7 +108,7 @@ class Launcher:
 
     def _port(self, attempt: int) -> int:
         """Choose a port: 6000, and others only where a program listens on that of all addresses."""
-        return FIXED_PORT if attempt == 0 or self._kind == "bwrap" else 20_000 + secrets.randbelow(12_000)
+        return FIXED_PORT if attempt == 0 or self._kind != "none" else 20_000 + secrets.randbelow(12_000)
 
     def end(self) -> None:
         """End all runs that go on; those that are begun afterwards end at once."""
@@ -139,7 +139,7 @@ class Launcher:
                 "simulator": None,
                 "agent": self._inside(list(agent.build), agent, target),
                 "environment": sandbox.environment_of_agent(dict(agent.environment)),
-                "work": str(target) if self._kind == "none" else None,
+                "work": None if self._kind == "bwrap" else str(target),
                 "limits": asdict(self._course.limits) | {"time": self._course.limits.build},
                 "overhead": self._overhead,
             }
@@ -150,7 +150,7 @@ class Launcher:
         return target, f"{document['tail']}\n{' '.join(agent.build)}: {why}".strip()
 
     def _inside(self, command: list[str], agent: Agent, work: Path) -> list[str]:
-        if self._kind == "none":
+        if self._kind != "bwrap":
             return command
         shown_as = NOWHERE if agent.folder is None else str(agent.folder)
         limits = self._course.limits
@@ -179,7 +179,7 @@ class Launcher:
         }
 
     def _host(self) -> str:
-        return "127.0.0.1" if self._kind == "bwrap" else self._addresses.take()
+        return "127.0.0.1" if self._kind != "none" else self._addresses.take()
 
     def _simulator(self, lab: GradedLab, seed: int, folder: Path, host: str, port: int) -> list[str]:
         """Return the simulator's options; its files are in the folder, ``scoring`` below it is made.
@@ -237,6 +237,9 @@ class Launcher:
         }
 
     def _supervise(self, wanted: dict[str, Any], module: str = SUPERVISOR) -> dict[str, Any]:
+        if self._kind in ("docker", "podman"):
+            assert self._course.image is not None
+            wanted, module = containers.contain(wanted, self._kind, self._course.image), containers.SUPERVISOR
         command = module_command(module)
         if self._kind == "bwrap":
             command = sandbox.around_run(command)

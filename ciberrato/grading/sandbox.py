@@ -16,9 +16,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ciberrato.errors import UsageError
+from ciberrato.grading.containers import find_engine
 from ciberrato.processes import ROOT
 
-KINDS = ("auto", "bwrap", "none")
+KINDS = ("auto", "bwrap", "docker", "none")
 
 WITHOUT = (
     "no sandbox: agents can read and change whatever you can, and use the network; processes, memory and "
@@ -42,26 +43,30 @@ _INNER = (
 )
 
 
-def choose(kind: str) -> str:
+def choose(kind: str, image: str | None = None) -> str:
     """Find out which sandbox there is to be.
 
     Parameters
     ----------
-    kind : {"auto", "bwrap", "none"}
+    kind : {"auto", "bwrap", "docker", "none"}
         ``auto``: bwrap if it works here, or none.
+    image : str or None
+        Of containers.
 
     Returns
     -------
     str
-        ``bwrap`` or ``none``.
+        ``bwrap``, ``docker``, ``podman`` (where there is no docker) or ``none``.
 
     Raises
     ------
     UsageError
-        If bwrap is asked for and does not work.
+        If bwrap or containers are asked for and do not work.
     """
     if kind == "none":
         return kind
+    if kind == "docker":
+        return find_engine(image)
     reason = _why_not()
     if reason is None:
         return "bwrap"

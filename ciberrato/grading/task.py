@@ -76,6 +76,7 @@ def of_course(course: Course) -> dict[str, Any]:
         "speed": course.speed,
         "answer_limit": course.answer_limit,
         "limits": asdict(course.limits),
+        **({} if course.image is None else {"image": course.image}),
     }
 
 
