@@ -44,7 +44,7 @@ LOOKING = """
     with UdpLink(sys.argv[1], int(sys.argv[2])) as link:
         link.register(b"<View/>\\0")
         print(link.receive(20.0))
-    print(sorted(name for name in os.listdir("..") if name.startswith("secret")))
+    print(sorted(name for name in os.listdir(os.path.dirname(os.getcwd())) if name.startswith("secret")))
     print(len([name for name in os.listdir("/proc") if name.isdigit()]) < 6)
     with Robot("looks", f"{sys.argv[1]}:{sys.argv[2]}") as robot:
         for measures in robot:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ciberrato.grading.report.meetings import meetings_section
 from ciberrato.grading.report.pieces import asset, play_link, rounded
+from ciberrato.grading.standing import values_of
 
 if TYPE_CHECKING:
     from ciberrato.grading.course import Course
@@ -176,7 +177,7 @@ def _why(run: Graded, course: Course) -> str:
     """Write how the run's points come about, and the last lines of the agent's output."""
     text = ""
     if run.outcome.registered:
-        values = run.outcome.quantities()
+        values = values_of(run)
         formula = course.points.formula
         used = ", ".join(f"{name} = {values[name]:g}" for name in sorted(formula.names))
         text = f"{formula.text} = {rounded(formula(values))}{', with ' * bool(used)}{used}"
