@@ -169,9 +169,8 @@ def test_agents_of_a_run_see_neither_each_other_nor_the_robots(tmp_path, walls):
     for words in (["--tournament"], []):
         report = tmp_path / f"report{len(words)}"
         run(path, *words, "--sandbox", "bwrap", "--quiet", "--output", report)
-        (line, *_) = (report / "runs.jsonl").read_text().splitlines()
-        document = json.loads(line)
-        parts = document.get("agents", [document])
+        documents = [json.loads(line) for line in (report / "runs.jsonl").read_text().splitlines()]
+        parts = [part for document in documents for part in document.get("agents", [document])]
         (tail,) = (part["measured"]["tail"] for part in parts if part["agent"] == "looks")
         assert tail.splitlines()[0].startswith('b\'<Reply Status="Refused"')
         assert tail.splitlines()[1:] == ["[]", "True"]
