@@ -23,7 +23,17 @@ from ciberrato.labs import find_grid, find_lab, find_parameters
 
 QUANTITIES = frozenset(
     {
-        *("score", "visited", "targets", "arrival_time", "returning_time", "collisions", "time", "sim_time"),
+        *(
+            "merit",
+            "score",
+            "visited",
+            "targets",
+            "arrival_time",
+            "returning_time",
+            "collisions",
+            "time",
+            "sim_time",
+        ),
         *("answered", "unanswered", "late", "finished", "crashed", "silent", "registered"),
         *("mapping", "planning"),
     }
@@ -342,7 +352,7 @@ def _limits(table: Fields) -> Limits:
 
 
 def _points(table: Fields) -> Points:
-    text = table.text("formula", "score") or "score"
+    text = table.text("formula", "merit") or "merit"
     formula = Formula("0", frozenset())
     try:
         formula = Formula(text, QUANTITIES)

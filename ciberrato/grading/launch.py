@@ -183,6 +183,7 @@ class Launcher:
             "simulator": module_command("simulator_stub", *simulator, "--autostart", "1", "--views", "0"),
             "result": str(folder / "result.json"),
             "log": str(folder / "log.xml"),
+            "name": agent.name,
             "title": f"of {agent.name}, {lab.name}, seed {task.seed}",
             "recording": str(self._recordings / f"{task.file}.js"),
         }

@@ -51,6 +51,11 @@ class Graded:
         """Which of the agent's runs it is."""
         return f"{self.task.lab.name}, seed {self.task.seed}"
 
+    @property
+    def row(self) -> str:
+        """How a report's page calls it."""
+        return self.task.file
+
     def extra(self) -> dict[str, Any]:
         """Return further columns of the results."""
         return {}

@@ -17,6 +17,7 @@ from ciberrato.grading.course import Course
 from ciberrato.grading.runner import Graded
 
 EQUAL = 1e-6
+_COUNTED_UP = (1, 4, 7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,19 @@ class Standing:
         return sum(not run.outcome.good for run, _ in self.runs)
 
 
+def values_of(run: Graded) -> dict[str, float]:
+    """Return what a formula of points may use.
+
+    Besides the outcome's own quantities there is ``merit``, the score turned so that more of it is better:
+    it is counted up in circuits (modes 1, 4, 7); in mode 0 it goes down from 100 and 100 a target, and the
+    merit is what it went down; else it counts penalties, and the merit is its negative.
+    """
+    values = run.outcome.quantities()
+    mode = run.task.lab.scoring
+    merit = values["score"] if mode in _COUNTED_UP else -values["score"]
+    return values | {"merit": merit + (100.0 * (values["targets"] + 1.0) if mode == 0 else 0.0)}
+
+
 def points_of(course: Course, run: Graded) -> float:
     """Compute the points of a run; 0 if the agent did not register, whatever the formula says.
 
@@ -64,7 +78,7 @@ def points_of(course: Course, run: Graded) -> float:
     if not run.outcome.registered:
         return 0.0
     try:
-        points = course.points.formula(run.outcome.quantities())
+        points = course.points.formula(values_of(run))
     except UsageError as error:
         where = f"{run.task.agent.name}, {run.task.lab.name}, seed {run.task.seed}"
         if course.hides(run.task.lab, run.task.seed):

@@ -312,7 +312,10 @@ def look_after(do: Callable[[dict[str, Any]], dict[str, Any]]) -> int:
     if wanted.get("log") and document.get("run"):
         from ciberrato.grading.recording import write_recording
 
-        write_recording(Path(wanted["log"]), Path(wanted["recording"]), wanted["title"])
+        names = document.get("names")
+        if names is None and document["run"]["robots"]:
+            names = {str(document["run"]["robots"][0]["id"]): wanted["name"]}
+        write_recording(Path(wanted["log"]), Path(wanted["recording"]), wanted["title"], names)
     print(json.dumps(document), flush=True)
     return 0
 

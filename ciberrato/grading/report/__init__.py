@@ -15,7 +15,18 @@ if TYPE_CHECKING:
     from ciberrato.grading.course import Course
     from ciberrato.grading.standing import Standing
 
-__all__ = ["gradescope", "junit", "parquet", "player", "publish_report", "site", "tables", "write_report"]
+__all__ = [
+    "gradescope",
+    "junit",
+    "meetings",
+    "parquet",
+    "pieces",
+    "player",
+    "publish_report",
+    "site",
+    "tables",
+    "write_report",
+]
 
 
 def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, missing: int) -> None:
@@ -37,12 +48,12 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
     """
     from ciberrato.errors import UsageError
     from ciberrato.files.atomic import replace_file
-    from ciberrato.grading.report import gradescope, junit, parquet, player, site, tables
+    from ciberrato.grading.report import gradescope, junit, parquet, pieces, player, site, tables
 
     texts = {
         "index.html": site.index_page(course, ranked, folder, missing=missing),
-        "report.css": site.asset("report.css"),
-        "report.js": site.asset("report.js"),
+        "report.css": pieces.asset("report.css"),
+        "report.js": pieces.asset("report.js"),
         "results.csv": tables.results_csv(ranked),
         "measured.csv": tables.measured_csv(ranked),
         "measured.js": tables.measured_script(ranked),
@@ -50,10 +61,15 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
         "junit.xml": junit.junit_document(course, ranked),
         **player.player_files(),
     }
-    for number, standing in enumerate(ranked, 1):
-        texts[f"gradescope/{number:03d}-{gradescope.plain(standing.agent)}/results.json"] = (
-            gradescope.results(course, standing)
-        )
+    # Numbered as in the course, not by place: a folder is the same agent's whatever the ranking.
+    numbers = {agent.name: number for number, agent in enumerate(course.agents, 1)}
+    for standing in ranked:
+        name = f"{numbers[standing.agent]:03d}-{gradescope.plain(standing.agent)}"
+        texts[f"gradescope/{name}/results.json"] = gradescope.results(course, standing)
+    for path in folder.glob("gradescope/*/results.json"):
+        if path.relative_to(folder).as_posix() not in texts:
+            path.unlink()  # of an agent that is no longer there
+            path.parent.rmdir()
     for name, text in texts.items():
         path = folder / name
         try:

@@ -33,7 +33,7 @@ def results(course: Course, standing: Standing) -> str:
         outcome = run.outcome
         passed = outcome.good and (passing is None or points >= passing)
         test: dict[str, Any] = {
-            "name": f"{run.task.lab.name}, seed {run.task.seed}",
+            "name": run.name,
             "score": round(points, 6),
             "status": "passed" if passed else "failed",
             "output": _words(run.outcome, str(run.measured.get("tail", ""))),

@@ -72,7 +72,7 @@ def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float
         suite,
         "testcase",
         classname=_text(f"{task.agent.name}.{task.lab.name}"),
-        name=_text(f"{task.lab.name}, seed {task.seed}"),
+        name=_text(run.name),
         time=_seconds(_milliseconds(run)),
     )
     kind, why = None, ""

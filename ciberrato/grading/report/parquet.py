@@ -36,7 +36,10 @@ def write_table(ranked: Sequence[Standing], path: Path) -> None:
     from ciberrato.files.atomic import replace_file
 
     kinds = {"str": pa.string(), "bool": pa.bool_(), "int": pa.int64(), "float": pa.float64()}
-    columns = [("agent", "str"), ("lab", "str"), ("seed", "int"), ("points", "float")]
+    columns = [("agent", "str"), ("lab", "str"), ("seed", "int")]
+    first = next((run for standing in ranked for run, _ in standing.runs), None)
+    columns += [(name, type(value).__name__) for name, value in (first.extra() if first else {}).items()]
+    columns.append(("points", "float"))
     columns += [(field.name, str(field.type).partition(" ")[0]) for field in fields(Outcome)]
     columns.append(("commit", "str"))
     schema = pa.schema([(name, kinds[kind]) for name, kind in columns])
@@ -49,6 +52,7 @@ def write_table(ranked: Sequence[Standing], path: Path) -> None:
                     "agent": task.agent.name,
                     "lab": task.lab.name,
                     "seed": task.seed,
+                    **run.extra(),
                     "points": points,
                     **asdict(run.outcome),
                     "commit": task.agent.commit,

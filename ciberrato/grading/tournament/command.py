@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 
 from ciberrato.errors import UsageError
 from ciberrato.grading import sandbox
 from ciberrato.grading.course import Course
+from ciberrato.grading.report import publish_report, write_report
 from ciberrato.grading.runner import jobs_by_default
 from ciberrato.grading.telling import PROGRAM, shown
 from ciberrato.grading.tournament.matches import matches_of
-from ciberrato.grading.tournament.page import write_tournament
 from ciberrato.grading.tournament.runner import play, read_matches
 from ciberrato.grading.tournament.table import played, tournament_standings
 
@@ -59,16 +60,27 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
         print(f"{PROGRAM}: could not be run: {shown(fault)}", file=sys.stderr)
     if runs:
         ranked = tournament_standings(course, runs)
-        write_tournament(course, ranked, runs, folder, missing=len(matches) - count)
+        write_report(_counted(course), ranked, folder, missing=len(matches) - count)
+        if options.publish is not None:
+            missing = len(matches) - count
+            publish_report(_counted(course), ranked, folder, options.publish, missing=missing)
         width = max(len(shown(one.agent)) for one in ranked)
         for one in ranked:
             bad = f"   {one.bad} of {len(one.runs)} runs failed" * (one.bad > 0)
             print(f"{one.place:3d}  {shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
-        print(folder / "index.html")
+        print((folder if options.publish is None else options.publish) / "index.html")
     if interrupted:
         print(
-            f"\n{PROGRAM}: interrupted after {count} of {len(matches)} runs; the same command goes on from here",
+            f"\n{PROGRAM}: interrupted after {count} of {len(matches)} runs; the same command goes on "
+            "from here",
             file=sys.stderr,
         )
         return 130
     return 1 if faults else 0
+
+
+def _counted(course: Course) -> Course:
+    """Return the course with the points that a tournament counts, for the report."""
+    table = course.tournament.points
+    points = dataclasses.replace(course.points, maximum=100.0 if table is None else None, passing=None)
+    return dataclasses.replace(course, points=points)

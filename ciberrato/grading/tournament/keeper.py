@@ -101,7 +101,7 @@ class Match:
     ----------
     wanted : mapping
         ``simulator`` (command line), ``host``, ``port``, ``agents`` (for each, or None for a place that stays
-        empty, what its supervisor wants), ``limits``, ``result``.
+        empty, what its supervisor wants), ``names`` of all, ``limits``, ``result``.
     """
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
@@ -156,9 +156,9 @@ class Match:
                 if wrong is not None:
                     return {"error": None, "again": wrong[0].number, "why": wrong[1]}
             if any(seat.robot is not None for seat in self._seats):
-                wrong = self._press_start(view)
-                if wrong is not None:
-                    return {"error": None, "again": wrong.number, "why": SECOND}
+                double = self._press_start(view)
+                if double is not None:
+                    return {"error": None, "again": double.number, "why": SECOND}
                 # Each supervisor stops its agent in time, and a run whose robots are silent ends by itself.
                 self._until(lambda: False, self._limits["time"] + 60.0 + 2.0 * self._limits["silence"])
         until = time.monotonic() + GRACE
@@ -231,9 +231,11 @@ class Match:
             with contextlib.suppress(CiberratoError):
                 if data and getattr(decode_simulator_message(data), "robot_id", None) == last:
                     break
+        view.send(encode(Start()))
+        # From then on nobody can register any more.
+        self._until(lambda: b"running at time" in self._output.tail, 30.0)
         for _, port in self._newcomers():
             return self._owner(port) or self._seats[-1]
-        view.send(encode(Start()))
         return None
 
     # --- what goes on ---------------------------------------------------------------------------
@@ -276,6 +278,11 @@ class Match:
             "error": None,
             "again": None,
             "run": last_run(self._wanted["result"]),
+            "names": {
+                str(seat.robot): self._wanted["names"][seat.number - 1]
+                for seat in self._seats
+                if seat.robot is not None
+            },
             "agents": [documents.get(number) for number in range(1, len(self._wanted["agents"]) + 1)],
         }
 

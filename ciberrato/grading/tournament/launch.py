@@ -71,7 +71,7 @@ class MatchLauncher(Launcher):
     ) -> dict[str, Any]:
         host = self._host()
         simulator = self._simulator(match.lab, match.seed, folder, host, port)
-        names = " against ".join(agent.name for agent in match.agents)
+        names = [agent.name for agent in match.agents]
         return {
             "simulator": module_command("simulator_stub", *simulator, "--views", "1"),
             "host": host,
@@ -89,7 +89,8 @@ class MatchLauncher(Launcher):
             },
             "result": str(folder / "result.json"),
             "log": str(folder / "log.xml"),
-            "title": f"of {names}, {match.lab.name}, seed {match.seed}",
+            "names": names,
+            "title": f"of {' against '.join(names)}, {match.lab.name}, seed {match.seed}",
             "recording": str(self._recordings / f"{match.file}.js"),
         }
 

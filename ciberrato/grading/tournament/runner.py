@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Sequence
+from concurrent.futures import Future
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
@@ -13,7 +14,7 @@ from ciberrato.errors import LabError
 from ciberrato.grading.course import Course
 from ciberrato.grading.launch import RunError
 from ciberrato.grading.outcome import Outcome
-from ciberrato.grading.runner import Future, open_runs, side_by_side
+from ciberrato.grading.runner import open_runs, side_by_side
 from ciberrato.grading.tournament.launch import MatchLauncher
 from ciberrato.grading.tournament.matches import Match
 from ciberrato.progress import ProgressBar

@@ -55,6 +55,11 @@ class Played(Graded):
         )
 
     @property
+    def row(self) -> str:
+        """How a report's page calls it."""
+        return f"{self.task.file}-{self.start}"
+
+    @property
     def opponents(self) -> list[str]:
         """Names of the others."""
         return [agent.name for agent in self.match.agents if agent.name != self.task.agent.name]
@@ -65,10 +70,10 @@ class Played(Graded):
         return {
             "round": meeting.round,
             "group": meeting.group,
+            "against": ", ".join(self.opponents),
             "start": self.start,
             "place": self.place,
             "formula": self.formula,
-            "against": ", ".join(self.opponents),
         }
 
 
@@ -145,23 +150,3 @@ def tournament_standings(course: Course, runs: Sequence[Played]) -> list[Standin
         return values[run.task.key, getattr(run, "start", 0)]
 
     return standings(course, runs, points=lambda run: of(worth, run), second=lambda run: of(formula, run))
-
-
-def duels(runs: Sequence[Played]) -> dict[tuple[str, str], tuple[int, int, int]]:
-    """Count for every two agents that have met how often one was before, level with, and behind the other."""
-    counts: dict[tuple[str, str], tuple[int, int, int]] = {}
-    tables: dict[str, list[Played]] = {}
-    for run in runs:
-        tables.setdefault(run.task.key, []).append(run)
-    for table in tables.values():
-        for run in table:
-            for other in table:
-                if run is not other:
-                    pair = run.task.agent.name, other.task.agent.name
-                    won, level, lost = counts.get(pair, (0, 0, 0))
-                    counts[pair] = (
-                        won + (run.place < other.place),
-                        level + (run.place == other.place),
-                        lost + (run.place > other.place),
-                    )
-    return counts
