@@ -3,8 +3,10 @@
 __all__ = [
     "agents",
     "cache",
+    "cgroups",
     "children",
     "cli",
+    "cluster",
     "comparison",
     "containers",
     "course",

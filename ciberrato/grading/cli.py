@@ -60,6 +60,7 @@ def _init(words: Sequence[str]) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     from ciberrato.grading import sandbox
+    from ciberrato.grading.cgroups import Groups, find_groups
     from ciberrato.grading.course import read_course
     from ciberrato.grading.report import parquet, publish_report, write_report
     from ciberrato.grading.repositories import fetch_agents
@@ -73,8 +74,8 @@ def _run(options: argparse.Namespace) -> int:
         whole = with_secret(whole, options.secret)
     course, faults = fetch_agents(whole, _teller(options), network=not options.report)
     if options.tournament:
-        if options.sandbox == "docker":
-            raise UsageError("--tournament: not in containers; take --sandbox bwrap")
+        if options.sandbox == "docker" or options.scheduler is not None:
+            raise UsageError("--tournament: neither in containers nor on a cluster; take --sandbox bwrap")
         from ciberrato.grading.tournament.command import run_tournament
 
         return run_tournament(options, course, faults)
@@ -85,9 +86,14 @@ def _run(options: argparse.Namespace) -> int:
     tasks = tasks_of(course)
     interrupted = False
     if not options.report:
-        kind = sandbox.choose(options.sandbox, course.image)
+        kind = options.sandbox
+        if options.scheduler is None:
+            kind = sandbox.choose(options.sandbox, course.image)
         if kind == "none":
             print(f"{PROGRAM}: {sandbox.WITHOUT}", file=sys.stderr)
+        groups = find_groups() if kind in ("bwrap", "none") and options.scheduler is None else Groups()
+        if kind in ("bwrap", "none"):
+            _teller(options)(groups.told)
         try:
             faults += grade(
                 course,
@@ -96,9 +102,13 @@ def _run(options: argparse.Namespace) -> int:
                 sandbox=kind,
                 jobs=options.jobs or jobs_by_default(lockstep=course.lockstep),
                 progress=None if options.quiet else sys.stderr,
+                scheduler=options.scheduler,
+                groups=groups,
             )
         except KeyboardInterrupt:
             interrupted = True
+        finally:
+            groups.close()
     done = read_runs(folder / "runs.jsonl")
     runs = [Graded(task, *done[task.key]) for task in tasks if task.key in done]
     if options.report and not runs:
@@ -171,6 +181,7 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="several agents in each run, as [tournament] says; the report goes to COURSE-tournament",
     )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the runs instead")
     parser.add_argument("--report", action="store_true", help="run nothing, write the report of what was run")
     parser.add_argument(
         "--compare", nargs=2, metavar="AGENT", help="compare two agents by runs of the same lab and seed"

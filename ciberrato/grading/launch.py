@@ -17,6 +17,7 @@ from ciberrato.errors import CiberratoError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import parse_parameters
 from ciberrato.grading import containers, sandbox
+from ciberrato.grading.cgroups import Groups
 from ciberrato.grading.course import Agent, Course, GradedLab, parameters_document
 from ciberrato.grading.outcome import Outcome, exit_words, judge
 from ciberrato.grading.supervisor import SUPERVISOR
@@ -59,6 +60,8 @@ class Launcher:
         self._running: set[subprocess.Popen[bytes]] = set()
         self._ended = False
         self._addresses = _Addresses()
+        self.groups = Groups()
+        """Control groups that agents are put into."""
 
     def run(self, task: Task) -> tuple[Outcome, dict[str, Any]]:
         """Do a run.
@@ -138,7 +141,8 @@ class Launcher:
             {
                 "simulator": None,
                 "agent": self._inside(list(agent.build), agent, target),
-                "environment": sandbox.environment_of_agent(dict(agent.environment)),
+                "environment": sandbox.environment_of_agent(dict(agent.environment))
+                | self.groups.environment(),
                 "work": None if self._kind == "bwrap" else str(target),
                 "limits": asdict(self._course.limits) | {"time": self._course.limits.build},
                 "overhead": self._overhead,
@@ -150,11 +154,13 @@ class Launcher:
         return target, f"{document['tail']}\n{' '.join(agent.build)}: {why}".strip()
 
     def _inside(self, command: list[str], agent: Agent, work: Path) -> list[str]:
-        if self._kind != "bwrap":
-            return command
-        shown_as = NOWHERE if agent.folder is None else str(agent.folder)
         limits = self._course.limits
-        return sandbox.around_agent(
+        if self._kind in ("docker", "podman"):
+            return command
+        if self._kind == "none":
+            return self.groups.around(command, megabytes=limits.memory, processes=limits.processes)
+        shown_as = NOWHERE if agent.folder is None else str(agent.folder)
+        words = sandbox.around_agent(
             command,
             work,
             shown_as,
@@ -162,6 +168,10 @@ class Launcher:
             processes=limits.processes,
             readable=self._course.readable,
         )
+        return self.groups.around(words, megabytes=limits.memory, processes=limits.processes)
+
+    def _environment(self, extra: dict[str, str]) -> dict[str, str]:
+        return sandbox.environment_of_agent(extra) | self.groups.environment()
 
     # --- a run ----------------------------------------------------------------------------------
 
@@ -230,7 +240,7 @@ class Launcher:
         return {
             "simulator": None,
             "agent": self._inside([_filled(word, values) for word in agent.command], agent, work),
-            "environment": sandbox.environment_of_agent(extra),
+            "environment": self._environment(extra),
             "work": None if self._kind == "bwrap" else str(work),
             "limits": asdict(self._course.limits),
             "overhead": self._overhead,

@@ -11,11 +11,13 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO, TypeVar
 
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.atomic import cut_torn_line
+from ciberrato.grading.cgroups import Groups
 from ciberrato.grading.course import Course
 from ciberrato.grading.launch import Launcher, RunError
 from ciberrato.grading.leftovers import temporary_folder
@@ -97,6 +99,8 @@ def grade(
     sandbox: str,
     jobs: int,
     progress: TextIO | None,
+    scheduler: str | None = None,
+    groups: Groups | None = None,
 ) -> list[str]:
     """Do the runs that are missing.
 
@@ -106,11 +110,16 @@ def grade(
     tasks : sequence of Task
     folder : Path
         Where ``runs.jsonl`` and ``recordings`` are, or are made.
-    sandbox : {"bwrap", "none"}
+    sandbox : {"bwrap", "docker", "podman", "none"}
+        With a scheduler also ``auto``: each worker chooses.
     jobs : int
         Runs at a time.
     progress : text stream or None
         For a bar.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers do the runs.
+    groups : Groups, optional
+        Control groups for the agents.
 
     Returns
     -------
@@ -130,10 +139,12 @@ def grade(
     bar = ProgressBar(len(missing), progress)
     with file, temporary_folder() as temporary:
         launcher = Launcher(course, sandbox, recordings, temporary)
+        if groups is not None:
+            launcher.groups = groups
 
-        def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
+        def note(task: Task, get: Callable[[], tuple[Outcome, dict[str, Any]]]) -> None:
             try:
-                outcome, measured = future.result()
+                outcome, measured = get()
             except RunError as error:
                 # A server's output is for all to see.
                 where = f"{task.lab.name}, seed {task.seed}"
@@ -152,9 +163,24 @@ def grade(
             file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
             bar.step()
 
-        side_by_side(missing, launcher.run, launcher.end, jobs, keep)
+        def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
+            note(task, future.result)
+
+        if scheduler is None:
+            side_by_side(missing, launcher.run, launcher.end, jobs, keep)
+        elif missing:
+            from ciberrato.grading.cluster import on_cluster
+
+            for task, answer in on_cluster(course, missing, sandbox, scheduler, recordings):
+                note(task, partial(_answer, answer))
     bar.close()
     return faults
+
+
+def _answer(answer: tuple[Outcome, dict[str, Any]] | RunError) -> tuple[Outcome, dict[str, Any]]:
+    if isinstance(answer, RunError):
+        raise answer
+    return answer
 
 
 def open_runs(path: Path, recordings: Path) -> BinaryIO:

@@ -13,8 +13,10 @@ import zlib
 from pathlib import Path
 
 STATE = Path(os.environ["ENGINE_STATE"])
-ONE = {"--name", "--pull", "--network", "--user", "--userns", "--tmpfs", "--cap-drop", "--security-opt",
-       "--log-driver", "--memory", "--memory-swap", "--pids-limit", "--shm-size", "--workdir", "--entrypoint"}  # fmt: skip
+ONE = {
+    *("--name", "--pull", "--network", "--user", "--userns", "--tmpfs", "--cap-drop", "--security-opt"),
+    *("--log-driver", "--memory", "--memory-swap", "--pids-limit", "--shm-size", "--workdir", "--entrypoint"),
+}
 MANY = {"--ulimit", "--volume", "--env"}
 NONE = {"--rm", "--read-only"}
 

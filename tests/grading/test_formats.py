@@ -154,7 +154,7 @@ def test_gradescopes_results_keep_to_its_specification(graded):
         for test in document["tests"]:
             assert test["visibility"] == ("hidden" if test["name"].startswith("hidden") else "visible")
             assert 0.0 <= test["score"] <= test.get("max_score", float("inf")) or "max_score" not in test
-        for wrong in ({**document, "socre": 1}, {**document, "visibility": "public"}, {"tests": [{}]}):
+        for wrong in ({**document, "points": 1}, {**document, "visibility": "public"}, {"tests": [{}]}):
             assert not validator.is_valid(wrong)
 
 

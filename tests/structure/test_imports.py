@@ -49,7 +49,7 @@ APPLICATIONS = {
     "viewer": set(),
     "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
-    "grading": {"labtool", "simulator_stub", "viewer"},
+    "grading": {"evaluation", "labtool", "simulator_stub", "viewer"},
     "front": {"agent", "simulator_stub", "viewer", "evaluation", "labtool", "grading"},
     "__main__": {"front"},
 }
