@@ -1,4 +1,7 @@
+import html
 import json
+import re
+import shlex
 import shutil
 import signal
 import socket
@@ -165,6 +168,32 @@ def test_the_report_shows_names_and_outputs_as_text(tmp_path):
     assert results["score"] == pytest.approx(total, abs=1e-6)
     assert {test["status"] for test in results["tests"]} == {"failed"}
     assert len(list((report / "recordings").iterdir())) == 2
+
+
+@pytest.mark.slow
+def test_the_commands_beside_a_run_do_it_again(tmp_path):
+    write(tmp_path, "robot", ROBOT)
+    path = tmp_path / "course.toml"
+    lab = "seeds = [7]\n[[lab]]\nname = 'a lab'\nlab = 'maze'\ngrid = 'maze'\nset = {SimTime = 60}\n"
+    path.write_text(lab + table("robot"))
+    report = tmp_path / "report"
+    run(path, "--quiet", "--output", report)
+    page = (report / "index.html").read_text()
+    (shown,) = re.findall(r'<pre class="again">(.*?)</pre>', page, re.DOTALL)
+    first, second = (shlex.split(html.unescape(line)) for line in shown.splitlines())
+    assert first[0] == "ciberrato-simulator"
+    assert first[-1] == "--view"
+    result = tmp_path / "result.json"
+    words = [sys.executable, "-m", "simulator_stub", *first[1:-1], "--port", "0", "--result", str(result)]
+    with subprocess.Popen(words, cwd=report, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as simulator:
+        port = next(line for line in simulator.stdout if b"listening on udp" in line).split(b":")[-1].strip()
+        assert second[:4] == ["python", "agent.py", "127.0.0.1", "6000"]
+        agent = [sys.executable, *second[1:3], port.decode(), *second[4:]]
+        subprocess.run(agent, cwd=tmp_path / "agents" / "robot", timeout=60, check=True)
+        simulator.communicate(timeout=60)
+    (again,) = json.loads(result.read_text())["runs"][0]["robots"]
+    (row,) = rows(report)
+    assert (str(again["score"]), str(again["collisions"])) == (row["score"], row["collisions"])
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ __all__ = [
     "pieces",
     "player",
     "publish_report",
+    "replay",
     "site",
     "tables",
     "write_report",
@@ -48,7 +49,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
     """
     from ciberrato.errors import UsageError
     from ciberrato.files.atomic import replace_file
-    from ciberrato.grading.report import gradescope, junit, parquet, pieces, player, site, tables
+    from ciberrato.grading.report import gradescope, junit, parquet, pieces, player, replay, site, tables
 
     texts = {
         "index.html": site.index_page(course, ranked, folder, missing=missing),
@@ -60,6 +61,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
         "results.json": tables.results_json(course, ranked, missing=missing),
         "junit.xml": junit.junit_document(course, ranked),
         **player.player_files(),
+        **replay.parameter_files(course),
     }
     # Numbered as in the course, not by place: a folder is the same agent's whatever the ranking.
     numbers = {agent.name: number for number, agent in enumerate(course.agents, 1)}

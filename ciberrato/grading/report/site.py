@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ciberrato.grading.report.meetings import meetings_section
 from ciberrato.grading.report.pieces import asset, play_link, rounded
+from ciberrato.grading.report.replay import replay
 from ciberrato.grading.standing import values_of
 
 if TYPE_CHECKING:
@@ -187,7 +188,9 @@ def _why(run: Graded, course: Course) -> str:
     output = (
         f"<p>Last lines of its output:</p><pre>{escape(tail)}</pre>" if tail else "<p>It printed nothing.</p>"
     )
-    return f'<details class="why"><summary>why</summary><p>{escape(text)}</p>{output}</details>'
+    commands = escape(replay(run, course))
+    again = f'<p>To do it again, each line in a terminal of its own:</p><pre class="again">{commands}</pre>'
+    return f'<details class="why"><summary>why</summary><p>{escape(text)}</p>{output}{again}</details>'
 
 
 def _kind(value: object) -> str:
