@@ -194,7 +194,7 @@ class Launcher:
     def _simulator(self, lab: GradedLab, seed: int, folder: Path, host: str, port: int) -> list[str]:
         """Return the simulator's options; its files are in the folder, ``scoring`` below it is made.
 
-        Nobody may begin the run again, and see where the robots are, as views do: `--views` is the caller's.
+        No robot may begin the run again, or see where the others are, as views do (`--views`: the caller's).
         """
         course, scoring = self._course, folder / "scoring"
         scoring.mkdir()

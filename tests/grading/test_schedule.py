@@ -17,6 +17,7 @@ from ciberrato.grading.tournament.matches import matches_of
 from ciberrato.grading.tournament.schedule import schedule
 from ciberrato.grading.tournament.settings import TournamentSettings
 from ciberrato.grading.tournament.table import played, tournament_standings
+from tests.grading import program
 
 
 def drawn(agents, robots, *, rounds=None, rotate=False, seed=1):
@@ -123,6 +124,18 @@ def test_it_needs_two_agents_and_two_places(tmp_path):
         matches_of(course(tmp_path, HEAD + "[[agent]]\nname = 'a'\ncommand = 'x'\n"))
     with pytest.raises(UsageError, match=r"two start places or more.*: bare"):
         matches_of(course(tmp_path, HEAD + "[[lab]]\nname = 'bare'\nlab = 'maze'\n" + AGENTS))
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [(("--compare", "a", "b"), "--compare: of gradings only"), (("--report",), "holds no runs")],
+)
+def test_the_program_says_what_does_not_go_with_a_tournament(tmp_path, words, what):
+    course(tmp_path)
+    done = program.run(tmp_path / "course.toml", "--tournament", *words, expect=2)
+    assert what in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "course-tournament").exists()
 
 
 def test_groups_are_no_larger_than_a_lab_has_places(tmp_path):

@@ -35,6 +35,10 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
     """
     matches = matches_of(course)
     folder = options.output or options.course.with_suffix("").with_name(f"{options.course.stem}-tournament")
+    if options.compare is not None:
+        raise UsageError("--compare: of gradings only; a tournament's report says who beat whom")
+    if options.publish is not None and options.publish.resolve() == folder.resolve():
+        raise UsageError(f"--publish {options.publish}: the whole report is there; name another folder")
     interrupted = False
     if not options.report:
         kind = sandbox.choose(options.sandbox)

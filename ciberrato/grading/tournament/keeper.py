@@ -232,7 +232,7 @@ class Match:
                 if data and getattr(decode_simulator_message(data), "robot_id", None) == last:
                     break
         view.send(encode(Start()))
-        # From then on nobody can register any more.
+        # From then on no robot can register any more.
         self._until(lambda: b"running at time" in self._output.tail, 30.0)
         for _, port in self._newcomers():
             return self._owner(port) or self._seats[-1]
