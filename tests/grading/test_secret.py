@@ -17,7 +17,9 @@ from ciberrato.grading.task import Task
 from tests.grading.agents import ROBOT, table, write
 from tests.grading.program import rows, run
 
-COURSE = "seeds = [1]\n[[lab]]\nname = 'maze'\ngrid = 'maze'\nset = {SimTime = 30}\n"
+COURSE = (
+    "seeds = [1]\n[points]\nformula = 'score'\n[[lab]]\nname = 'maze'\ngrid = 'maze'\nset = {SimTime = 30}\n"
+)
 SECRET = """
 seeds = [987654321]
 [[lab]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -17,8 +17,12 @@ WITHOUT = "no results.parquet: pyarrow is not installed (pip install 'ciberrato[
 
 
 def available() -> bool:
-    """Say whether pyarrow is installed."""
-    return importlib.util.find_spec("pyarrow") is not None
+    """Say whether pyarrow is installed, and can be loaded."""
+    try:
+        importlib.import_module("pyarrow.parquet")
+    except ImportError:
+        return False
+    return True
 
 
 def write_table(ranked: Sequence[Standing], path: Path) -> None:
