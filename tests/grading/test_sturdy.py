@@ -90,7 +90,8 @@ def stranger():
     paths = f"{folder / 'checkout'}\n{folder / 'environment' / packages}\n"
     script = (
         'mount --bind "$1" "$4/checkout" && mount --bind "$2" "$4/environment" && '
-        'mount --bind "$3" "$4/base" && cd "$4/home" && export HOME=$4/home TMPDIR=$4/home LD_LIBRARY_PATH=$4/base/lib && shift 4 && '
+        'mount --bind "$3" "$4/base" && cd "$4/home" && '
+        "export HOME=$4/home TMPDIR=$4/home LD_LIBRARY_PATH=$4/base/lib && shift 4 && "
         f"exec setpriv --reuid {UNPRIVILEGED} --regid {UNPRIVILEGED} --clear-groups --bounding-set=-all "
         '--inh-caps=-all -- "$@"'
     )
