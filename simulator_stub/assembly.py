@@ -35,7 +35,7 @@ from simulator_stub.service.pace import Lockstep, Pace, RealTime
 from simulator_stub.service.ready import tell_ready
 from simulator_stub.service.runs import Runs
 from simulator_stub.service.server import Server, open_transports
-from simulator_stub.service.session import Session
+from simulator_stub.service.session import VIEW_LIMIT, Session
 from simulator_stub.service.transports import TRANSPORTS, Transport
 from simulator_stub.simulation import Simulation
 
@@ -94,6 +94,8 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
         autostart=options.autostart,
         observers=observers,
         kidnapper=kidnapper,
+        view_limit=VIEW_LIMIT if options.views is None else options.views,
+        restarts=not options.no_restart,
         notify=notify,
     )
     runs = Runs(

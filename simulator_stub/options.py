@@ -112,6 +112,16 @@ def _parser() -> argparse.ArgumentParser:
     network.add_argument(
         "--tcp", action=argparse.BooleanOptionalAction, default=True, help="listen on TCP, too"
     )
+    network.add_argument(
+        "--views",
+        type=_views,
+        metavar="N",
+        help="views and panels at a time, which see all robots and may start, stop and reset; 0 takes none; "
+        "default: 64",
+    )
+    network.add_argument(
+        "--no-restart", action="store_true", help='robots cannot begin the run again by Reset="On"'
+    )
     pace = parser.add_argument_group("the pace")
     pace.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="X times real time; default: 1")
     pace.add_argument(
@@ -207,6 +217,10 @@ def _port(text: str) -> int:
 
 def _count(text: str) -> int:
     return _number(text, "a number of robots, 0 or more", least=0, most=math.inf)
+
+
+def _views(text: str) -> int:
+    return _number(text, "a number of views, 0 or more", least=0, most=math.inf)
 
 
 def _runs(text: str) -> int:

@@ -17,11 +17,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ciberrato.errors import UsageError
+from ciberrato.grading.containers import find_engine
 from ciberrato.processes import ROOT
 from ciberrato.system import descendants
 from ciberrato.system.process import system_variables
 
-KINDS = ("auto", "bwrap", "none")
+KINDS = ("auto", "bwrap", "docker", "none")
 
 _LIMITED = {
     "all": "processes, memory and time are limited all the same",
@@ -50,26 +51,30 @@ _INNER = (
 )
 
 
-def choose(kind: str) -> str:
+def choose(kind: str, image: str | None = None) -> str:
     """Find out which sandbox there is to be.
 
     Parameters
     ----------
-    kind : {"auto", "bwrap", "none"}
+    kind : {"auto", "bwrap", "docker", "none"}
         ``auto``: bwrap if it works here, or none.
+    image : str or None
+        Of containers.
 
     Returns
     -------
     str
-        ``bwrap`` or ``none``.
+        ``bwrap``, ``docker``, ``podman`` (where there is no docker) or ``none``.
 
     Raises
     ------
     UsageError
-        If bwrap is asked for and does not work.
+        If bwrap or containers are asked for and do not work.
     """
     if kind == "none":
         return kind
+    if kind == "docker":
+        return find_engine(image)
     reason = _why_not()
     if reason is None:
         return "bwrap"
@@ -148,7 +153,7 @@ def _python() -> list[Path]:
     """Where this Python, its packages and ours are; the rest of a checkout is not for agents."""
     places = [Path(sys.prefix), Path(sys.base_prefix), Path(sys.executable).resolve().parents[1]]
     places += [ROOT / name for name in ("ciberrato", "agent", "simulator_stub", "maps")]
-    return [place for place in places if place.exists()]
+    return [place for place in places if os.path.exists(place)]  # not one whose folder may not be read
 
 
 def _outermost(places: Sequence[Path]) -> list[Path]:

@@ -18,10 +18,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ciberrato.processes import module_command
 from ciberrato.system import descendants
 from ciberrato.system.process import runnable
 from ciberrato.system.streams import streams
+
+SUPERVISOR = "ciberrato.grading.supervisor"
+"""This process, for `ciberrato.processes.module_command`."""
 
 LOOK = 0.05
 """Seconds between looks at what goes on."""
@@ -126,7 +128,7 @@ class Run:
             self._stop("time limit")
             # The simulator ends by itself, as its robot is silent; only should it not, it is ended.
             self._until(lambda: False, 60.0 + 2.0 * limits["silence"])
-        run = _last_run(self._wanted.get("result")) or {}
+        run = last_run(self._wanted.get("result")) or {}
         until = time.monotonic() + run.get("grace", self._wanted.get("grace", GRACE))
         while not self._agent_ended() and time.monotonic() < until and not self._orphaned:
             self._look(LOOK)
@@ -252,7 +254,7 @@ class Run:
             code, number = None, -status if status < 0 else status - 128
         return {
             "error": None,
-            "run": _last_run(self._wanted.get("result")),
+            "run": last_run(self._wanted.get("result")),
             "registered": self._registered(),
             "note": note,
             "stopped": self._stopped,
@@ -267,7 +269,8 @@ class Run:
         }
 
 
-def _last_run(path: str | None) -> dict[str, Any] | None:
+def last_run(path: str | None) -> dict[str, Any] | None:
+    """Read the last run of a simulator's result file; None if there is none."""
     try:
         runs = json.loads(Path(path or os.devnull).read_text(encoding="utf-8"))["runs"]
     except (OSError, ValueError, KeyError):
@@ -277,6 +280,21 @@ def _last_run(path: str | None) -> dict[str, Any] | None:
 
 def main() -> int:
     """Do the run that standard input asks for."""
+    return look_after(lambda wanted: Run(wanted).run())
+
+
+def look_after(do: Callable[[dict[str, Any]], dict[str, Any]]) -> int:
+    """Do what a line of standard input asks for, and write what came of it, and its recording.
+
+    Parameters
+    ----------
+    do : callable
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that started this decides
     descendants.adopt_orphans()
     line = b""
@@ -286,18 +304,16 @@ def main() -> int:
             return 1
         line += one
     wanted = json.loads(line)
-    document = Run(wanted).run()
+    document = do(wanted)
     if wanted.get("log") and document.get("run"):
         from ciberrato.grading.recording import write_recording
 
-        write_recording(Path(wanted["log"]), Path(wanted["recording"]), wanted["title"])
+        names = document.get("names")
+        if names is None and document["run"]["robots"]:
+            names = {str(document["run"]["robots"][0]["id"]): wanted["name"]}
+        write_recording(Path(wanted["log"]), Path(wanted["recording"]), wanted["title"], names)
     print(json.dumps(document), flush=True)
     return 0
-
-
-def supervisor_command() -> list[str]:
-    """Return the command line of this process."""
-    return module_command("ciberrato.grading.supervisor")
 
 
 if __name__ == "__main__":

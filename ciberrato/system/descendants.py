@@ -161,6 +161,34 @@ def exact_memory(processes: Sequence[int]) -> int | None:
     return total
 
 
+def socket_of(port: int) -> str | None:
+    """Find the socket that has a port, UDP's or TCP's, of this network.
+
+    Returns
+    -------
+    str or None
+        Its inode; None where the system does not tell.
+    """
+    wanted = f"{port:04X}"
+    for table in ("udp", "udp6", "tcp", "tcp6"):
+        with contextlib.suppress(OSError), open(f"/proc/net/{table}", encoding="ascii") as file:
+            for fields in map(str.split, file):
+                if fields[1].rpartition(":")[2] == wanted and fields[9] != "0":
+                    return fields[9]
+    return None
+
+
+def holds_socket(processes: Sequence[int], inode: str) -> bool:
+    """Return whether one of the processes has a socket open."""
+    for process in processes:
+        with contextlib.suppress(OSError):
+            for name in os.listdir(f"/proc/{process}/fd"):
+                with contextlib.suppress(OSError):
+                    if os.readlink(f"/proc/{process}/fd/{name}") == f"socket:[{inode}]":
+                        return True
+    return False
+
+
 def end_all(
     find: Callable[[], list[int]],
     seconds: float = 10.0,

@@ -110,7 +110,7 @@ def command_words(command: str | Sequence[str]) -> tuple[str, ...]:
     UsageError
         If it is none, or has a placeholder that nothing can be filled in for.
     """
-    from ciberrato.grading.course import command_faults
+    from ciberrato.grading.agents import command_faults
 
     try:
         words = shlex.split(command) if isinstance(command, str) else [str(word) for word in command]

@@ -53,7 +53,7 @@ NAME_LIMIT = 600
 """Characters of a robot's name. The real simulator survives 600 and dies of 850; we refuse what is longer."""
 
 VIEW_LIMIT = 64
-"""Views and panels at a time. The real simulator takes any number, until it has no sockets left."""
+"""Views and panels at a time, at most. The real simulator takes any number, until it has no sockets left."""
 
 COMPLAINT_LIMIT = 20
 """Broken messages that people are told of, until the next Reset."""
@@ -70,6 +70,10 @@ class Session:
     observers : sequence of Observer
     kidnapper : Kidnapper or None
         Moves a robot by hand, before the observers see that the actions are read.
+    view_limit : int
+        Views and panels at a time: they are told where every robot is, and may start, stop and reset.
+    restarts : bool
+        Whether a robot's ``Reset="On"`` is obeyed.
     notify : callable
         Told, in one line each, what people may want to know.
 
@@ -91,9 +95,13 @@ class Session:
         autostart: int = 0,
         observers: Sequence[Observer] = (),
         kidnapper: Kidnapper | None = None,
+        view_limit: int = VIEW_LIMIT,
+        restarts: bool = True,
         notify: Callable[[str], None] = lambda line: None,
     ) -> None:
         self.simulation = simulation
+        self._view_limit = view_limit
+        self._restarts = restarts
         self.observers = observers
         self._kidnapper = kidnapper
         self.robots: dict[int, RobotClient] = {}
@@ -137,8 +145,10 @@ class Session:
             self._count_answers()
         simulation.begin_cycle()
         self._read_actions()
-        if simulation.restart_requested:
+        if simulation.restart_requested and self._restarts:
             self._restart()
+        elif simulation.restart_requested:
+            self._complain("a robot asked for a restart: there is none (--no-restart)")
         if self._kidnapper is not None:
             self._kidnapper.before_move(simulation)
         for observer in self.observers:
@@ -211,8 +221,8 @@ class Session:
     def _register(self, peer: Peer, registration: Registration) -> None:
         if isinstance(registration, ViewRegistration | PanelRegistration):
             self._panels = [panel for panel in self._panels if not panel.closed]
-            if len(self.views) + len(self._panels) >= VIEW_LIMIT:
-                self._refuse(peer, "a view: there are too many")
+            if len(self.views) + len(self._panels) >= self._view_limit:
+                self._refuse(peer, f"a view: {self._view_limit} at a time")
                 return
             if isinstance(registration, ViewRegistration):
                 self.simulation.note_client()

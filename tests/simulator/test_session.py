@@ -286,6 +286,20 @@ def test_views_and_panels_are_taken_up_to_a_limit(session: Session, join: Any) -
     assert all(isinstance(received(peer)[0], Acceptance) for peer in again)
 
 
+def test_without_views_nobody_can_look_or_stop(
+    open_lab: Lab, three_places: StartGrid, quiet: Parameters, newcomer: Any
+) -> None:
+    lines: list[str] = []
+    session = Session(Simulation(open_lab, three_places, quiet, 0), view_limit=0, notify=lines.append)
+    peers = [newcomer() for _ in range(2)]
+    for peer, data in zip(peers, (b"<View/>", b"<Panel/>"), strict=True):
+        session.welcome(peer, data)
+    session.cycle()
+    assert not session.views
+    assert [received(peer.peer) for peer in peers] == [[Refusal()]] * 2
+    assert lines[0].startswith("refused a view: 0 at a time")
+
+
 def test_people_are_not_told_of_broken_messages_without_end(
     open_lab: Lab, three_places: StartGrid, quiet: Parameters, newcomer: Any
 ) -> None:

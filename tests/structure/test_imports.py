@@ -52,7 +52,7 @@ APPLICATIONS = {
     "viewer": set(),
     "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
-    "grading": {"simulator_stub", "viewer"},
+    "grading": {"evaluation", "labtool", "simulator_stub", "viewer"},
     "testing": {"grading", "labtool", "simulator_stub"},
     "front": {"agent", "simulator_stub", "viewer", "evaluation", "labtool", "grading"},
     "__main__": {"front"},

@@ -53,9 +53,10 @@ def main(words: Sequence[str]) -> int:
 def _check(options: argparse.Namespace, command: list[str]) -> int:
     from ciberrato.files.atomic import replace_file
     from ciberrato.grading import sandbox
+    from ciberrato.grading.agents import Agent, command_faults
     from ciberrato.grading.conformance.check import check_agent, rows_named
     from ciberrato.grading.conformance.report import json_report, junit_report, text_report
-    from ciberrato.grading.course import Agent, GradedLab, Limits, command_faults, grid_of
+    from ciberrato.grading.course import GradedLab, Limits, grid_of
     from ciberrato.grading.runner import jobs_by_default
     from ciberrato.grading.workspace import stage_folder
     from ciberrato.labs import find_lab, find_parameters
