@@ -42,10 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    from ciberrato.errors import CiberratoError
+    from ciberrato.command_line import run_program
     from simulator_stub.options import PROGRAM, parse_arguments
 
-    try:
+    def body() -> int:
         options = parse_arguments(arguments)
         # Only now, as these take a tenth of a second to import.
         from simulator_stub.assembly import build_server
@@ -59,9 +59,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         host = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind
         with viewer_beside(f"{host}:{server.port}", options.view):
             return _serve(server, notify)
-    except CiberratoError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
+
+    return run_program(PROGRAM, body)
 
 
 def _take_signals() -> dict[int, Callable[[int, FrameType | None], object] | int | None]:
@@ -97,9 +96,6 @@ def _notifier(*, quiet: bool) -> Callable[[str], None]:
 
     def notify(line: str) -> None:
         if not quiet:
-            try:
-                print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
-            except OSError:  # whoever read our messages may be gone
-                return
+            print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
 
     return notify

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from ciberrato.command_line import ProgramParser
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.command_line import ProgramParser, run_program
+from ciberrato.errors import UsageError
 from ciberrato.evaluation.task import DRIVES, GPS, PRIORS, STARTS, Task
 
 if TYPE_CHECKING:
@@ -43,20 +43,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0; 1 if runs failed; 2 for what the user can put right; 130 if interrupted (what was run
         is kept).
     """
-    try:
-        status = _run(_parser().parse_args(arguments))
-        sys.stdout.flush()
-        return status
-    except BrokenPipeError:
-        # Whoever read our output has seen enough; what is still buffered must not complain at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except KeyboardInterrupt:
-        print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except CiberratoError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
+
+    def body() -> int:
+        try:
+            return _run(_parser().parse_args(arguments))
+        except KeyboardInterrupt:
+            print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)
+            return 130
+
+    return run_program(PROGRAM, body)
 
 
 def _run(options: argparse.Namespace) -> int:

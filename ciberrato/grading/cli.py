@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ciberrato.command_line import ProgramParser
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.command_line import ProgramParser, run_program
+from ciberrato.errors import UsageError
 
 PROGRAM = "ciberrato-grade"
 
@@ -29,18 +28,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         was run is kept).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        status = _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
-        sys.stdout.flush()
-        return status
-    except BrokenPipeError:
-        # Whoever read our output has seen enough; what is still buffered must not complain at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except CiberratoError as error:
-        for line in str(error).splitlines():
-            print(f"{PROGRAM}: {line}", file=sys.stderr)
-        return 2
+
+    def body() -> int:
+        return _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
+
+    return run_program(PROGRAM, body)
 
 
 def _init(words: Sequence[str]) -> int:

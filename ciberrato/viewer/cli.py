@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ciberrato.command_line import ProgramParser
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.command_line import ProgramParser, run_program
+from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
     from ciberrato.viewer.server import Server
@@ -34,14 +34,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit status: 0, or 2 for what the user can put right.
     """
-    try:
-        options = _parser().parse_args(arguments)
-        return asyncio.run(_serve(options))
-    except KeyboardInterrupt:
-        return 0
-    except CiberratoError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
+
+    def body() -> int:
+        try:
+            options = _parser().parse_args(arguments)
+            return asyncio.run(_serve(options))
+        except KeyboardInterrupt:
+            return 0
+
+    return run_program(PROGRAM, body)
 
 
 async def _serve(options: argparse.Namespace) -> int:

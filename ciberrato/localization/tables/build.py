@@ -65,5 +65,8 @@ if __name__ == "__main__":
     # Under its full name, so that the class of the request is the one that was pickled.
     from ciberrato.localization.tables.build import main as run
 
-    with contextlib.suppress(BrokenPipeError):
+    # The parent is gone, or there is no room or no memory: that there are no tables is all it needs to know.
+    try:
         sys.exit(run())
+    except (BrokenPipeError, OSError, MemoryError, ImportError):
+        sys.exit(1)
