@@ -119,7 +119,7 @@ def run_program(program: str, body: Callable[[], int], *, shows: Callable[[], bo
     _open_streams()
     former = sys.stdout, sys.stderr
     output, errors = Output(sys.stdout), Output(sys.stderr)
-    sys.stdout, sys.stderr = output, errors  # type: ignore[assignment]
+    sys.stdout, sys.stderr = output, errors
     try:
         return _status(program, body, output, shows)
     finally:

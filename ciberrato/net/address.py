@@ -78,3 +78,8 @@ def resolve(host: str, port: int) -> tuple[str, int]:
         raise UsageError(f"host {host!r} cannot be found: {reason}") from None
     address = str(found[0][4][0])
     return ("127.0.0.1" if address == "0.0.0.0" else address), port
+
+
+def answers_for(sender: str, asked: str) -> bool:
+    """Tell whether a sender may answer for the address that was asked: 127.0.0.1 does for all of 127/8."""
+    return sender == asked or (sender == "127.0.0.1" and asked.startswith("127."))

@@ -9,7 +9,8 @@ import struct
 import sys
 import time
 
-from ciberrato.net.address import resolve
+from ciberrato.errors import ProtocolError
+from ciberrato.net.address import answers_for, resolve
 from ciberrato.net.link import Arrival, LinkError
 
 _MOST_AT_ONCE = 1000
@@ -102,7 +103,7 @@ class UdpLink:
                 data, notes, _, sender = self._socket.recvmsg(65535, 64)
             except (BlockingIOError, ConnectionError):
                 break
-            if self._is_ours(sender):
+            if self._is_ours(sender, data):
                 arrivals.append(Arrival(data, _stamp(notes)))
         return arrivals
 
@@ -126,14 +127,16 @@ class UdpLink:
             data, sender = self._socket.recvfrom(65535)
         except (BlockingIOError, ConnectionError):
             return None
-        return data if self._is_ours(sender) else None
+        return data if self._is_ours(sender, data) else None
 
-    def _is_ours(self, sender: tuple[str, int]) -> bool:
+    def _is_ours(self, sender: tuple[str, int], data: bytes) -> bool:
         if self._peer is not None:
             return sender == self._peer
-        if sender in self._former or not _same_machine(sender[0], self._main[0]):
+        if sender in self._former or not answers_for(sender[0], self._main[0]):
             return False
-        self._peer = sender
+        # A refusal may be anybody's: whoever accepts after it is heard.
+        if not _is_refusal(data):
+            self._peer = sender
         return True
 
     def _send(self, data: bytes, address: tuple[str, int]) -> None:
@@ -156,6 +159,10 @@ def _stamp(notes: list[tuple[int, int, bytes]]) -> float | None:
     return None
 
 
-def _same_machine(first: str, second: str) -> bool:
-    """Tell whether two addresses are one machine's: 127.0.0.1 answers for 127.0.1.1 too."""
-    return first == second or (first.startswith("127.") and second.startswith("127."))
+def _is_refusal(data: bytes) -> bool:
+    from ciberrato.protocol import Refusal, decode_simulator_message
+
+    try:
+        return isinstance(decode_simulator_message(data), Refusal)
+    except ProtocolError:
+        return False

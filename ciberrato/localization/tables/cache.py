@@ -14,8 +14,9 @@ import math
 import os
 import shutil
 import stat
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,7 +149,7 @@ def read_tables(path: Path) -> PoseTables | None:
         return None
 
 
-def _read(stored: np.lib.npyio.NpzFile) -> PoseTables:
+def _read(stored: Mapping[str, Any]) -> PoseTables:
     """Make tables of an archive.
 
     Raises
