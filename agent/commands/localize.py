@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.commands.files import check_output, read_lab_file
-from agent.commands.parser import PRESETS, OptionParser, add_output, add_precision, add_replay, add_strict
+from agent.commands.parser import (
+    PRESETS,
+    OptionParser,
+    add_output,
+    add_precision,
+    add_replay,
+    add_salvage,
+    add_strict,
+)
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
@@ -130,7 +138,7 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
         return run, lab if options.map is None else read_lab_file(options.map, strict=options.strict)[0]
     from ciberrato.files.run_log import read_run
 
-    run = read_run(options.run)
+    run = read_run(options.run, salvage=Reporter().warn if options.salvage else None)
     wanted = options.map
     if wanted is None:
         from ciberrato.labs import lab_with_hash
@@ -177,6 +185,7 @@ def make_parser() -> OptionParser:
     add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
     add_precision(parser, default=None)
     add_replay(parser)
+    add_salvage(parser)
     add("--animate", type=Path, metavar="FILE", help="draw the run as a moving picture: .gif, .html, .mp4")
     add("--quiet", action="store_true", help="no table")
     return parser

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
+from collections import deque
 from collections.abc import Sequence
 
 from ciberrato.client.pace import Pace
@@ -13,6 +14,7 @@ from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.protocol.order import LATE, MessageOrder, News
 from ciberrato.world.parameters import Parameters
 
+_JUDGED = 2000  # messages that one look at the network may bring
 _COMMANDS_KEPT = 60  # the newest; an older one cannot be the last before a message
 
 
@@ -49,7 +51,7 @@ class Exchange:
         self._parameters = parameters
         self._requests = RequestRota(parameters)
         self._order = MessageOrder(parameters.sim_time)
-        self._judged: tuple[Measures, News] | None = None
+        self._judged: deque[tuple[Measures, News]] = deque(maxlen=_JUDGED)
         self._sent: list[tuple[float, Command]] = []
 
     @property
@@ -165,13 +167,15 @@ class Exchange:
 
     def judge(self, measures: Measures) -> News:
         """Tell whether a message is news; the same one is judged once, however often it is asked about."""
-        if self._judged is None or self._judged[0] is not measures:
-            self._judged = measures, self._order.judge(measures)
-        return self._judged[1]
+        for known, news in self._judged:
+            if known is measures:
+                return news
+        self._judged.append((measures, self._order.judge(measures)))
+        return self._judged[-1][1]
 
     def take(self, measures: Measures) -> None:
         """Note a message that is news."""
-        self._judged = None
+        self._judged = deque((one for one in self._judged if one[0] is not measures), _JUDGED)
         if self.time is not None:
             missing = max(measures.time - self.time - 1, 0)
             self.lost += missing

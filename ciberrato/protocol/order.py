@@ -42,11 +42,15 @@ class MessageOrder:
         self._sim_time = sim_time
         self._newest: Measures | None = None
         self._doubtful: list[int] = []
+        self._held: int | None = None
 
     def judge(self, measures: Measures) -> News:
         """Tell what a message is, and take note of it if it is fresh."""
+        held = self._held
         news = self._judge(measures)
         if news is News.FRESH:
+            self.stale += held is not None and held >= measures.time
+            self._held = None
             self.time, self._newest = measures.time, measures
             self._doubtful.clear()
         elif news is News.STALE:
@@ -66,9 +70,8 @@ class MessageOrder:
         if time > newest.time:
             if agrees:
                 return News.FRESH
-            if self._doubtful:
-                self.stale += 1  # the one held before was spoilt
-            self._doubtful = [time]
+            self.stale += self._held is not None  # the one held before was spoilt
+            self._doubtful, self._held = [time], time
             return News.HELD
         self._doubtful = [*self._doubtful, time] if agrees else [time]
         known = _AGREEING if newest.time - time > LATE else _STUBBORN
