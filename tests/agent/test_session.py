@@ -144,10 +144,10 @@ def test_a_full_disk_stops_the_log_but_not_the_run(
     run: Runner, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, freed: bool
 ) -> None:
     disk = FullDisk(room=4000, until=40 if freed else 10**9)
-    monkeypatch.setattr(Path, "open", lambda path, *words, **more: disk.open(path, *words, **more))
     messages = [[measures(time)] for time in range(1, 25)]
-    assert run([ACCEPTED, measures(0)], *messages)[0] == 0
-    monkeypatch.undo()
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", lambda path, *words, **more: disk.open(path, *words, **more))
+        assert run([ACCEPTED, measures(0)], *messages)[0] == 0
     errors = capsys.readouterr().err
     assert errors.count("run.jsonl: cannot be written: No space left on device") == 1
     (written,) = read_beliefs(Path("localization.out"))
