@@ -6,6 +6,7 @@ import math
 import time as clock
 from collections import deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from ciberrato.client.pace import Pace
 from ciberrato.client.requests import RequestRota
@@ -16,6 +17,14 @@ from ciberrato.world.parameters import Parameters
 
 _JUDGED = 2000  # messages that one look at the network may bring
 _COMMANDS_KEPT = 60  # the newest; an older one cannot be the last before a message
+
+
+class _Sent(NamedTuple):
+    """A command, when it left, and whether it only stops a robot that is not heard."""
+
+    time: float
+    command: Command
+    stop: bool
 
 
 class Exchange:
@@ -52,7 +61,7 @@ class Exchange:
         self._requests = RequestRota(parameters)
         self._order = MessageOrder(parameters.sim_time)
         self._judged: deque[tuple[Measures, News]] = deque(maxlen=_JUDGED)
-        self._sent: list[tuple[float, Command]] = []
+        self._sent: list[_Sent] = []
 
     @property
     def stale(self) -> int:
@@ -78,25 +87,28 @@ class Exchange:
         time : float
             See `sent`.
         """
-        self.stops += not self._sent or self._sent[-1][1] != STANDSTILL
-        self._note(time, STANDSTILL)
+        self.stops += self.is_moving
+        self._note(time, STANDSTILL, stop=True)
         return Actions(left_motor=0.0, right_motor=0.0)
 
-    def _note(self, time: float, command: Command) -> None:
-        self._sent = [*self._sent[-_COMMANDS_KEPT:], (time, command)]
+    def _note(self, time: float, command: Command, *, stop: bool = False) -> None:
+        self._sent = [*self._sent[-_COMMANDS_KEPT:], _Sent(time, command, stop)]
 
     @property
     def is_moving(self) -> bool:
         """Whether the last command that left lets the robot move."""
-        return bool(self._sent) and self._sent[-1][1] != STANDSTILL
+        return bool(self._sent) and self._sent[-1].command != STANDSTILL
 
-    def command_in_effect(self, arrived: float | None) -> Command | None:
+    def command_in_effect(self, arrived: float | None, time: int | None = None) -> Command | None:
         """Return the command that moved the robot in the cycle that a message is about.
 
         Parameters
         ----------
         arrived : float or None
             When the message arrived; None = not known, taken to be after the last answer.
+        time : int or None
+            Of the message, in simulated cycles. After some that never came it is not known whether a stop has
+            reached the robot: then it is not counted, and the filter allows for both.
 
         Returns
         -------
@@ -106,7 +118,12 @@ class Exchange:
         """
         if arrived is None or not self._sent:
             return self.command
-        earlier = [command for time, command in self._sent if time < arrived - self._on_the_way]
+        unsure = time is not None and self.time is not None and time - self.time > 1
+        earlier = [
+            sent.command
+            for sent in self._sent
+            if sent.time < arrived - self._on_the_way and not (unsure and sent.stop)
+        ]
         return earlier[-1] if earlier else None
 
     def under_way(self, arrived: float | None) -> int:
@@ -117,7 +134,9 @@ class Exchange:
         arrived : float or None
             See `command_in_effect`.
         """
-        return 0 if arrived is None else sum(time >= arrived - self._on_the_way for time, _ in self._sent)
+        if arrived is None:
+            return 0
+        return sum(one.time >= arrived - self._on_the_way and not one.stop for one in self._sent)
 
     @property
     def _on_the_way(self) -> float:

@@ -90,7 +90,7 @@ class LiveController:
         if self._lockstep:
             arrived = None
         if self.exchange.judge(measures) is News.FRESH:
-            self.localizer.feed(measures, self.exchange.command_in_effect(arrived))
+            self.localizer.feed(measures, self.exchange.command_in_effect(arrived, measures.time))
         cycle, actions = self.controller.observe(measures, newest=newest, arrived=arrived)
         return self._add_pose(cycle, measures), actions
 

@@ -76,7 +76,7 @@ class Controller:
         return self._record(measures, crossing, answered), actions
 
     def _take_in(self, measures: Measures, arrived: float | None) -> Crossing | None:
-        crossing = self.tracker.observe(measures, self.exchange.command_in_effect(arrived))
+        crossing = self.tracker.observe(measures, self.exchange.command_in_effect(arrived, measures.time))
         if measures.time != self.exchange.time:
             self._colliding = self._colliding + 1 if measures.collision else 0
         self.exchange.take(measures)
