@@ -53,6 +53,7 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     recorded, lab = _read(options)
     if not recorded.steps:
         raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
+    from agent.offline.doubts import missing_in
     from agent.offline.exit_status import WRONG_MAP
     from agent.offline.localization import (
         expected_readings_of,
@@ -62,6 +63,9 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     )
     from agent.offline.map_fit import wrong_map
 
+    missing = missing_in(recorded)
+    if missing is not None:
+        Reporter().warn(f"{options.run}: {missing}")
     interrupts.arm()  # from here on a signal must not harm the file
     if not recorded.drives_right:
         return _filter_poses(options, recorded, lab)
