@@ -63,9 +63,9 @@ def test_an_output_that_is_gone_is_no_fault(name, redirection, tmp_path):
 
 
 def test_a_file_is_not_opened_in_the_place_of_a_closed_stream(tmp_path):
-    done = shell(f"{program('lab', 'new -o made.xml')} >&- 2>&- <&-", tmp_path)
+    done = shell(f"{program('lab', 'new -o made')} >&- 2>&- <&-", tmp_path)
     assert done.returncode == 0
-    assert (tmp_path / "made.xml").read_text().startswith("<")
+    assert (tmp_path / "made_lab.xml").read_text().startswith("<")
 
 
 class Full:
