@@ -6,6 +6,7 @@ quietly from the first moment on.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -30,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0, or 2 for what the user can put right.
+        Exit status: 0, or 2 for what the user can put right, a disk that was full included.
     """
     former = _take_signals()
     try:
@@ -50,15 +51,15 @@ def _run(arguments: Sequence[str] | None) -> int:
         # Only now, as these take a tenth of a second to import.
         from simulator_stub.assembly import build_server
 
-        notify = _notifier(quiet=options.quiet)
-        server = build_server(options, print_line=_print_line, notify=notify)
+        notify, warn = _notifier(quiet=options.quiet), _notifier(quiet=False)
+        server = build_server(options, print_line=_print_line, notify=notify, warn=warn)
         if options.view is None:
-            return _serve(server, notify)
+            return _serve(server, notify, warn)
         from simulator_stub.service.viewer_process import viewer_beside
 
-        host = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind
-        with viewer_beside(f"{host}:{server.port}", options.view):
-            return _serve(server, notify)
+        host = "127.0.0.1" if options.bind in (None, "0.0.0.0") else options.bind
+        with viewer_beside(f"{host}:{server.port}", options.view, options.view_token):
+            return _serve(server, notify, warn)
     except CiberratoError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return 2
@@ -78,18 +79,29 @@ def _leave(number: int, frame: FrameType | None) -> NoReturn:
     os._exit(0)
 
 
-def _serve(server: Server, notify: Callable[[str], None]) -> int:
+def _serve(server: Server, notify: Callable[[str], None], warn: Callable[[str], None]) -> int:
     with server.stopping_on_signals():
         try:
             server.run()
             notify(f"ended at time {server.simulation.time}; {server.pace.delays()}")
         finally:
             server.close()
-    return 0
+        dropped = server.session.dropped_in_all()
+        if dropped:
+            parts = (f"{name.replace('_', ' ')} {number}" for name, number in dropped.items())
+            notify(f"dropped in all: {', '.join(parts)} (docs/simulator.md says what these are)")
+    if server.records_are_whole():
+        return 0
+    warn("not all that was to be recorded could be: see above")
+    return 2
 
 
 def _print_line(line: str) -> None:
-    print(line, flush=True)
+    try:
+        print(line, flush=True)
+    except OSError:  # closed or full: the simulation can do without, and so can Python at its end
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _notifier(*, quiet: bool) -> Callable[[str], None]:

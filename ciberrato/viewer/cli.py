@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -75,7 +76,9 @@ def _build(options: argparse.Namespace) -> Server:
             host, port = parse_address(options.simulator)
             link = TcpLink(host, port) if options.transport == "tcp" else UdpLink(host, port)
             opened.callback(link.close)
-            session = Session(f"{host}:{port}", control=options.control, notify=notify)
+            session = Session(
+                f"{host}:{port}", control=options.control, notify=notify, view_token=options.view_token
+            )
         page_host, page_port = options.http
         server = Server(
             session,
@@ -141,6 +144,8 @@ def _notifier(*, quiet: bool) -> Callable[[str], None]:
 
 
 def _parser() -> argparse.ArgumentParser:
+    from ciberrato.net.address import TOKEN_VARIABLE
+
     parser = ProgramParser(
         PROGRAM,
         description="Watch a CiberRato simulator, real or stub, in the browser.",
@@ -154,6 +159,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     world.add_argument(
         "--transport", choices=("udp", "tcp"), default="udp", help="the real simulator has udp only"
+    )
+    world.add_argument(
+        "--view-token",
+        default=os.environ.get(TOKEN_VARIABLE) or None,
+        metavar="TEXT",
+        help=f"that the simulator wants of views, if it does; default: {TOKEN_VARIABLE}, or none",
     )
     world.add_argument(
         "--run",
