@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -114,17 +115,19 @@ class WorldFile(Observer):
         """Let others see what was written."""
         if self._file is None or not self._pieces:
             return
-        data = "".join(self._pieces).encode()
+        pieces = [piece.encode() for piece in self._pieces]
         self._pieces = []
         self._length = 0
+        data = b"".join(pieces)
         written = 0
         try:
             while written < len(data):
                 written += self._file.write(data[written:])
         except OSError as error:
-            # What is torn must not look whole.
+            # A torn piece must not stay: what comes last is whole.
+            whole = max(end for end in accumulate(map(len, pieces), initial=0) if end <= written)
             with contextlib.suppress(OSError):
-                self._file.truncate(self._file.tell() - written)
+                self._file.truncate(self._file.tell() - written + whole)
             path = numbered(self._path, self._world)
             self._give_up(f"{path}: cannot be written ({error.strerror})")
 
