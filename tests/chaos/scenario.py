@@ -34,7 +34,8 @@ FAULTS: dict[str, tuple[str, ...]] = {
     "labreq-60": ("labreq", "-n", "60"),
     "udp-flood": ("udp-flood",),
     "junk-200": ("junk", "--rate", "200"),
-    "junk": ("junk",),
+    "junk": ("junk", "--rate", "5000"),
+    "junk-flood": ("junk",),
     "dead-views": ("dead-views", "-n", "64"),
     "idle": ("idle", "-n", "512"),
 }
@@ -118,8 +119,12 @@ def hostile(port: int, seconds: float, *arguments: str) -> Iterator[subprocess.P
             process.kill()
 
 
-def honest(port: int, outcome: Outcome, *, transport: str = "udp", start: bool = True) -> None:
-    """Register on place 1, have a view start the run, answer every Measures until the end."""
+def honest(port: int, outcome: Outcome, *, transport: str = "udp", tries: int = 1) -> None:
+    """Register on place 1, and answer every Measures until the end.
+
+    A datagram may be lost where the port is flooded: as agents do, the registration is sent again, `tries`
+    times in 10 s.
+    """
     tcp = transport == "tcp"
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM if tcp else socket.SOCK_DGRAM) as robot:
         if tcp:
@@ -127,18 +132,22 @@ def honest(port: int, outcome: Outcome, *, transport: str = "udp", start: bool =
             robot.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         else:
             robot.bind(("127.0.0.1", 0))
-        robot.settimeout(10.0)
+        robot.settimeout(10.0 / tries)
         began = time.monotonic()
-        try:
-            if tcp:
-                robot.sendall(b'<Robot Id="1" Name="honest"/>\0')
-                data = robot.recv(1 << 16)
-            else:
-                robot.sendto(b'<Robot Id="1" Name="honest"/>', ("127.0.0.1", port))
-                data, own = robot.recvfrom(1 << 16)
-                robot.connect(own)
-        except OSError:
-            return
+        data = b""
+        for _ in range(tries):
+            try:
+                if tcp:
+                    robot.sendall(b'<Robot Id="1" Name="honest"/>\0')
+                    data = robot.recv(1 << 16)
+                else:
+                    robot.sendto(b'<Robot Id="1" Name="honest"/>', ("127.0.0.1", port))
+                    data, own = robot.recvfrom(1 << 16)
+                    robot.connect(own)
+                break
+            except OSError:
+                continue
+        robot.settimeout(10.0)
         outcome.registered = b'Status="Ok"' in data
         outcome.waited = time.monotonic() - began
         last: float | None = None
@@ -188,7 +197,7 @@ def run(
             hostile(port, 60.0, *arguments),
         ):
             time.sleep(lead)
-            honest(port, outcome, transport=transport)
+            honest(port, outcome, transport=transport, tries=20 if transport == "udp" else 1)
             if outcome.registered:
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     outcome.status = process.wait(20.0)
