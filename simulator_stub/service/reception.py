@@ -97,6 +97,6 @@ class Reception:
             yield newcomer, registration
 
     def put_back(self, newcomer: Newcomer, registration: Registration) -> None:
-        """Let somebody wait on who was yielded: it is the next one again."""
+        """Let somebody wait on who was yielded, behind those who wait already."""
         self._by_source[newcomer.source] += 1
-        self._waiting.appendleft((newcomer, registration))
+        self._waiting.append((newcomer, registration))

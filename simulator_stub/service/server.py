@@ -100,6 +100,7 @@ class Server:
         for end in (self._wake_up, self._alarm):
             end.setblocking(False)
         self._readiness.watch(self._wake_up, self._drain)
+        session.make_room = self._make_room
         for transport in transports:
             transport.serve(self._readiness, session.welcome, self._meter)
 
@@ -124,6 +125,10 @@ class Server:
         self._stopping = True
         with contextlib.suppress(OSError):  # full: then it is going to wake up anyway
             self._alarm.send(b"\0")
+
+    def _make_room(self) -> None:
+        for transport in self._transports:
+            transport.make_room()
 
     def _drain(self) -> None:
         with contextlib.suppress(BlockingIOError):

@@ -17,7 +17,6 @@ waits for the next one. What is no registration is dropped when it arrives (`ser
 
 from __future__ import annotations
 
-import errno
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -46,7 +45,7 @@ from simulator_stub.service.audience import Admission, Audience
 from simulator_stub.service.clients import ANSWERS, RobotClient, ViewClient
 from simulator_stub.service.kidnapping import Kidnapper
 from simulator_stub.service.reception import Reception
-from simulator_stub.service.transports import Newcomer, Peer
+from simulator_stub.service.transports import NO_ROOM, Newcomer, Peer
 from simulator_stub.simulation import Simulation
 from simulator_stub.world.robot_state import RobotState
 from simulator_stub.world.simulator_state import SimulatorState
@@ -65,6 +64,9 @@ DROPPED = (
     "views",
 )
 """What may be dropped, by the names in the result file."""
+
+TRIES = 1000
+"""Cycles in which a registration is tried, where there is no descriptor for its channel."""
 
 COMPLAINT_LIMIT = 20
 """Broken messages that people are told of, until the next Reset."""
@@ -99,6 +101,8 @@ class Session:
     before_measures : callable
         Called when a cycle is computed, and its Measures are about to go out: what has arrived by then
         does not answer them.
+    make_room : callable
+        Called where no descriptor is left, to free one.
     """
 
     def __init__(
@@ -117,6 +121,7 @@ class Session:
         self._kidnapper = kidnapper
         self.robots: dict[int, RobotClient] = {}
         self.before_measures: Callable[[], None] = _nothing
+        self.make_room: Callable[[], None] = _nothing
         self.dropped: Counter[str] = Counter()
         self._dropped_before: Counter[str] = Counter()
         self._clock = clock
@@ -240,18 +245,30 @@ class Session:
 
     def _check_in(self) -> None:
         for newcomer, registration in self._reception.admit():
-            try:
-                peer = newcomer.accept()
-            except OSError as error:  # no socket to be had
-                self._complain(f"registration from {newcomer.label}: {error.strerror}")
-                if error.errno in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
-                    self._reception.put_back(newcomer, registration)
-                    break
-                self.dropped["registrations"] += 1
+            peer = self._open(newcomer, registration)
+            if peer is None:
                 continue
             self._register(peer, registration)
             for data in newcomer.followers or ():
                 peer.deliver(data)
+
+    def _open(self, newcomer: Newcomer, registration: Registration) -> Peer | None:
+        """Open somebody's channel; None where that cannot be, now or ever."""
+        for room_made in (False, True):
+            try:
+                return newcomer.accept()
+            except OSError as error:
+                if error.errno not in NO_ROOM or newcomer.faults >= TRIES:
+                    self._complain(f"registration from {newcomer.label}: {error.strerror}")
+                    self.dropped["registrations"] += 1
+                    return None
+                if not room_made:
+                    self.make_room()
+        if newcomer.faults == 0:
+            self._complain(f"registration from {newcomer.label} waits: no descriptor is left")
+        newcomer.faults += 1
+        self._reception.put_back(newcomer, registration)
+        return None
 
     def _register(self, peer: Peer, registration: Registration) -> None:
         if isinstance(registration, ViewRegistration | PanelRegistration):
@@ -392,4 +409,4 @@ class Session:
 
 
 def _nothing() -> None:
-    """Have nothing to do before Measures go out."""
+    """Have nothing to do."""

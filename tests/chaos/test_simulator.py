@@ -106,6 +106,7 @@ def test_few_descriptors_are_no_reason_to_spin_or_to_lose_a_robot(tmp_path: Path
                 sock = stack.enter_context(socket.socket())
                 sock.settimeout(60.0)
                 sock.connect(("127.0.0.1", port))
+            time.sleep(idle / 40)  # until all those that wait have had their turn, and every place is taken
             before = ticks(process.pid)
             time.sleep(1.0)
             used.append(ticks(process.pid) - before)

@@ -579,14 +579,31 @@ def test_a_registration_waits_where_no_socket_is_left(world: World) -> None:
 
     def accept() -> Peer:
         calls.append(1)
-        if len(calls) < 3:
+        if len(calls) < 5:
             raise OSError(errno.EMFILE, "Too many open files")
         return unlucky.peer
 
     unlucky.accept = accept  # type: ignore[method-assign]
     world.session.welcome(unlucky, ROBOT % 1)
+    rooms: list[int] = []
+    world.session.make_room = lambda: rooms.append(1)
     for _ in range(2):
-        world.session.cycle()
+        other = world.join(ROBOT % (2 + len(calls) // 2))
+        assert other.accepted, "others do not wait for it"
         assert unlucky.peer.received == []
     world.session.cycle()
     assert unlucky.peer.accepted
+    assert len(rooms) == 2
+    assert sum("waits" in note for note in world.notes) == 1
+
+
+def test_an_address_that_cannot_be_answered_is_dropped_at_once(world: World) -> None:
+    forged = FakeNewcomer("255.255.255.255")
+
+    def accept() -> Peer:
+        raise OSError(errno.EACCES, "Permission denied")
+
+    forged.accept = accept  # type: ignore[method-assign]
+    world.session.welcome(forged, ROBOT % 1)
+    assert world.join(ROBOT % 1).accepted
+    assert world.session.take_stock()["registrations"] == 1

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from simulator_stub.service.allowance import Meter
 from simulator_stub.service.readiness import Readiness
+
+NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+"""What is wrong where the system has no descriptor, or no memory, for one more socket: it may have later."""
 
 Ends = tuple[str, tuple[str, int], tuple[str, int]]
 
@@ -126,6 +130,9 @@ class Transport(ABC):
 
     def tick(self, now: float) -> None:  # noqa: B027 - most have nothing to do
         """Look after what takes too long; called once in a CycleTime, with the meter's time in seconds."""
+
+    def make_room(self) -> None:  # noqa: B027 - most have nothing to let go of
+        """Let go of somebody who has not registered: a descriptor is needed for somebody who has."""
 
     @abstractmethod
     def close(self) -> None:

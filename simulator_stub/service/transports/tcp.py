@@ -7,14 +7,14 @@ the world, as one does whose UDP client falls silent.
 from __future__ import annotations
 
 import contextlib
-import errno
 import socket
+import sys
 from collections.abc import Callable
 
 from ciberrato.protocol import MESSAGE_LIMIT
 from simulator_stub.service.allowance import CLIENT_BYTES, CONNECTIONS, NEWCOMER_BYTES, Allowance, Meter
 from simulator_stub.service.readiness import Readiness
-from simulator_stub.service.transports.base import Newcomer, Peer, Transport, Welcome, ignore
+from simulator_stub.service.transports.base import NO_ROOM, Newcomer, Peer, Transport, Welcome, ignore
 
 BACKLOG_LIMIT = 1 << 20
 """Bytes that may wait for a client that does not read; beyond them it is cut off."""
@@ -22,10 +22,11 @@ BACKLOG_LIMIT = 1 << 20
 UNREGISTERED_LIMIT = 256
 """Connections on which nobody has registered yet; the oldest is closed for one more."""
 
+RESERVE = 16
+"""Descriptors that are left for robots over UDP and for files: connections take turns in the rest."""
+
 REGISTRATION_SECONDS = 30.0
 """So long a connection may take to register; it is closed then."""
-
-_NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 _QUICK_ACKNOWLEDGEMENT: int | None = getattr(socket, "TCP_QUICKACK", None)
 _ONCE = 2
@@ -59,6 +60,8 @@ class TcpTransport(Transport):
         self._welcome = welcome
         self._meter = meter
         self._allowance = Allowance(meter, CONNECTIONS)
+        self._places = UNREGISTERED_LIMIT
+        self._last_descriptor = _most_descriptors() - RESERVE
         readiness.watch(self._socket, self._accept)
 
     def _accept(self) -> None:
@@ -66,13 +69,15 @@ class TcpTransport(Transport):
         try:
             connection, address = self._socket.accept()
         except OSError as error:
-            if error.errno in _NO_ROOM:
-                self._let_go_of_the_oldest()
+            if error.errno in NO_ROOM:
+                self.make_room()
                 self._pause(self._allowance.left())
             return
         self._pause(1)
-        if len(self._unregistered) >= UNREGISTERED_LIMIT:
-            self._let_go_of_the_oldest()
+        if connection.fileno() >= self._last_descriptor:
+            self._places = max(1, min(self._places, len(self._unregistered)))
+        if len(self._unregistered) >= self._places:
+            self.make_room()
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         assert self._readiness is not None
@@ -94,7 +99,7 @@ class TcpTransport(Transport):
         assert self._readiness is not None
         self._readiness.watch_for(self._socket, reading=reading)
 
-    def _let_go_of_the_oldest(self) -> None:
+    def make_room(self) -> None:
         """Close the connection that has not registered for longest, if there is one."""
         for peer in self._unregistered:
             self._meter.dropped["connections"] += 1
@@ -292,3 +297,13 @@ class TcpPeer(Peer):
             self._socket.close()
             self._connections.discard(self)
             self.settled()
+
+
+def _most_descriptors() -> int:
+    """Return how many descriptors this process may have."""
+    try:
+        import resource
+    except ImportError:  # not a Unix: the system has limits of its own
+        return sys.maxsize
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return sys.maxsize if soft == resource.RLIM_INFINITY else soft
