@@ -186,9 +186,10 @@ class Session:
             client = self.robots[robot_id]
             client.answered = False
             client.peer.send(encode(measures))
-        if self.views:
+        views = self.audience.views
+        if views:
             statuses = [encode(status) for status in simulation.statuses()]
-            for view in self.views:
+            for view in views:
                 for status in statuses:
                     view.peer.send(status)
         simulation.end_cycle()
@@ -316,7 +317,10 @@ class Session:
             self._notify("from here on, what is broken or refused is not reported")
 
     def _read_commands(self) -> None:
-        for view in tuple(self.views):
+        views = self.audience.views
+        if not views:
+            return
+        for view in tuple(views):
             view.taken = view.answers = 0
             while view.messages:
                 message = view.messages.popleft()

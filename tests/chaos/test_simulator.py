@@ -14,13 +14,14 @@ import pytest
 
 from tests.chaos.scenario import FAULTS, Outcome, honest, run, simulator
 
-CYCLES = 40
+CYCLES = 20
+PERIOD = 100
 SHORT = ("nul", "flood-4", "heavy", "newcomers", "labreq-60", "udp-flood", "junk-200", "junk", "dead-views")
 
 
 @pytest.fixture(scope="module")
 def calm() -> Outcome:
-    outcome = run(cycles=CYCLES)
+    outcome = run(cycles=CYCLES, period=PERIOD)
     assert outcome.registered
     assert outcome.cycles == CYCLES
     return outcome
@@ -35,12 +36,13 @@ def calm() -> Outcome:
     ],
 )
 def test_an_honest_robot_is_heard_whatever_its_neighbours_do(fault: str, calm: Outcome) -> None:
-    outcome = run(*FAULTS[fault], cycles=CYCLES)
+    outcome = run(*FAULTS[fault], cycles=CYCLES, period=PERIOD)
     assert outcome.registered
     assert outcome.status == 0
     assert outcome.cycles == calm.cycles
-    # One cycle in ten for what two busy neighbours take of the machine.
-    assert outcome.answered >= calm.answered - CYCLES // 10
+    # One cycle in four for what busy neighbours, and other tests, take of the machine: before there were limits
+    # it was all of them, or the robot was not even answered.
+    assert outcome.answered >= calm.answered - CYCLES // 4
     assert "Traceback" not in outcome.said
 
 
