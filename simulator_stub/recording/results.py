@@ -122,7 +122,7 @@ class Results(Observer):
 
 
 def outcome(simulation: Simulation) -> dict[str, Any]:
-    """Tell how a run came out, or how it stands.
+    """Return how a run came out, or how it stands.
 
     Parameters
     ----------

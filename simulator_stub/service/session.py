@@ -153,7 +153,7 @@ class Session:
 
     @property
     def start_is_due(self) -> bool:
-        """Whether enough robots are there for the automatic start, and it has not happened yet."""
+        """Return whether enough robots are there for the automatic start, and it has not happened yet."""
         return 0 < self._autostart <= len(self.robots) and not self._autostarted
 
     def cycle(self) -> None:
@@ -309,7 +309,7 @@ class Session:
         self._complain(f"refused {who}, from {peer.label}")
 
     def _complain(self, line: str) -> None:
-        """Tell people what somebody else did wrong, but not without end."""
+        """Report what a client did wrong, but not without end."""
         self._complaints += 1
         if self._complaints <= COMPLAINT_LIMIT:
             self._notify(line)

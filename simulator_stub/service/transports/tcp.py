@@ -125,7 +125,7 @@ class TcpTransport(Transport):
 
 
 class TcpNewcomer(Newcomer):
-    """A connection on which nobody has registered yet."""
+    """A connection without a registration so far."""
 
     def __init__(self, peer: TcpPeer) -> None:
         self._peer = peer

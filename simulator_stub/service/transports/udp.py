@@ -155,7 +155,7 @@ class UdpPeer(Peer):
             return
         try:
             data = self._socket.recv(READ_SIZE)
-        except OSError:  # nothing there after all, or nobody was there for what was sent last
+        except OSError:  # nothing there after all, or no client was there for what was sent last
             return
         if self._allowance.spend(max(len(data), LEAST_COST)):
             self._readiness.watch_for(self._socket, reading=False)
