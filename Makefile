@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo examples test quick lint conformance accuracy bench figures clean
+.PHONY: help setup demo examples docs test quick lint chaos chaos-long conformance accuracy bench figures release clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -23,18 +23,26 @@ $(VENV)/.stamp: $(VENV)/.runtime
 setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
 
 demo: $(VENV)/.runtime  ## the whole path once: simulator, agent, localization.out, a table and a figure
-	$(BIN)/python -m examples.demo
+	$(BIN)/python -m ciberrato demo
 
-lint: $(VENV)/.stamp  ## ruff and mypy
+lint: $(VENV)/.stamp  ## ruff, codespell and mypy
+	$(BIN)/codespell
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 quick: $(VENV)/.stamp  ## the tests that take less than a few seconds each
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow and not chaos_long"
 
 test: lint  ## everything CI runs, on every core
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto -m "not chaos_long"
+
+chaos: $(VENV)/.stamp  ## bad networks, hostile clients, full disks: the part that CI runs, one test at a time
+	$(BIN)/python -m pytest tests/chaos -m "not chaos_long"
+
+chaos-long: $(VENV)/.stamp  ## all of that, and the table of faults, five tries each
+	$(BIN)/python -m pytest tests/chaos
+	$(BIN)/python -m tests.chaos.scenario --tries 5
 
 conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator: the tests', or GOLDEN=... LABS=...
 	$(BIN)/python -m benchmarks.conformance $(if $(GOLDEN),--golden '$(GOLDEN)') $(if $(LABS),--labs '$(LABS)')
@@ -47,6 +55,14 @@ examples: $(VENV)/.stamp  ## the classic localization problems, with figures in 
 
 bench: $(VENV)/.stamp  ## speed, as ratios to plain references; writes build/bench.json
 	$(BIN)/python -m benchmarks
+
+docs: $(VENV)/.stamp  ## the manual as a site, build/site/index.html; needs no network
+	$(BIN)/python -m sphinx -W -q -b html -d build/trees docs build/site
+	@echo build/site/index.html
+
+release: $(VENV)/.stamp  ## wheel and source archive of the last commit into dist/, built twice and compared
+	$(BIN)/python -m pip install --quiet --editable '.[release]'
+	.ci/release
 
 figures: $(VENV)/.stamp  ## the pictures of the manual, into docs/figures (the screenshots need Chromium)
 	$(BIN)/python -m examples.agent_figures docs/figures

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from ciberrato.net.address import DEFAULT_PORT  # brings in the whole codec
+    from ciberrato.net.address import DEFAULT_PORT, TOKEN_VARIABLE  # brings in the whole codec
 
     parser = ProgramParser(
         PROGRAM,
@@ -84,7 +85,22 @@ def _parser() -> argparse.ArgumentParser:
         "--port", type=_port, default=DEFAULT_PORT, metavar="N", help="default: 6000; 0 takes any free one"
     )
     network.add_argument(
-        "--bind", default="0.0.0.0", metavar="ADDRESS", help="listen only there; default: everywhere"
+        "--bind",
+        metavar="ADDRESS",
+        help="listen there; 0.0.0.0: on the network, too; default: 127.0.0.1, this machine only",
+    )
+    network.add_argument(
+        "--views",
+        choices=("all", "local"),
+        default="all",
+        help="who may view, start, stop, reset and remove; local: only programs on this machine",
+    )
+    network.add_argument(
+        "--view-token",
+        type=_token,
+        default=os.environ.get(TOKEN_VARIABLE) or None,
+        metavar="TEXT",
+        help=f"that viewers must show (ciberrato-viewer --view-token); default: {TOKEN_VARIABLE}, or none",
     )
     network.add_argument(
         "--tcp", action=argparse.BooleanOptionalAction, default=True, help="listen on TCP, too"
@@ -153,6 +169,12 @@ def _number(text: str, what: str, *, least: float, most: float) -> int:
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(f"{text!r} is not {what}")
     return value
+
+
+def _token(text: str) -> str:
+    if not (text.isascii() and text.isprintable() and 0 < len(text) <= 200):
+        raise argparse.ArgumentTypeError("the token must be 1 to 200 printable ASCII characters")
+    return text
 
 
 def _scoring(text: str) -> int:

@@ -82,7 +82,7 @@ def register(
     Raises
     ------
     UsageError
-        If the robot is refused, or nobody answers in time.
+        If the robot is refused, or no simulator answers in time.
     """
     data = encode(registration)
     began = time.monotonic()

@@ -10,6 +10,8 @@ DEFAULT_HOST = "127.0.0.1"
 """This machine."""
 DEFAULT_PORT = 6000
 """The simulator's main port, over UDP and TCP, unless it was told otherwise."""
+TOKEN_VARIABLE = "CIBERRATO_VIEW_TOKEN"
+"""Of the environment: what views show to a simulator, so that it need not stand in a command line."""
 
 
 def parse_address(text: str, default_port: int = DEFAULT_PORT) -> tuple[str, int]:

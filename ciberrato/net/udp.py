@@ -29,7 +29,7 @@ class UdpLink:
 
     The simulator answers a registration from a port of its own. From the first answer on the link talks to
     that port only: datagrams from other ports and other machines are dropped. A refused connection (ICMP:
-    nobody there yet, or no longer) is taken as silence.
+    no peer there yet, or no longer) is taken as silence.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class UdpLink:
     def send(self, data: bytes) -> None:
         """Send a message to the port that has answered; see `Link.send`."""
         if self._peer is None:
-            raise LinkError("nobody has answered the registration yet")
+            raise LinkError("no simulator has answered the registration yet")
         self._send(data, self._peer)
 
     def receive(self, timeout: float | None) -> bytes | None:

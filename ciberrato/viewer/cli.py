@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -76,7 +77,9 @@ def _build(options: argparse.Namespace) -> Server:
             host, port = parse_address(options.simulator)
             link = TcpLink(host, port) if options.transport == "tcp" else UdpLink(host, port)
             opened.callback(link.close)
-            session = Session(f"{host}:{port}", control=options.control, notify=notify)
+            session = Session(
+                f"{host}:{port}", control=options.control, notify=notify, view_token=options.view_token
+            )
         page_host, page_port = options.http
         server = Server(
             session,
@@ -135,13 +138,15 @@ def _print(line: str) -> None:
 def _notifier(*, quiet: bool) -> Callable[[str], None]:
     def notify(line: str) -> None:
         if not quiet:
-            with contextlib.suppress(OSError):  # whoever read our messages may be gone
+            with contextlib.suppress(OSError):  # the reader of our messages may be gone
                 print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
 
     return notify
 
 
 def _parser() -> argparse.ArgumentParser:
+    from ciberrato.net.address import TOKEN_VARIABLE
+
     parser = ProgramParser(
         PROGRAM,
         description="Watch a CiberRato simulator, real or stub, in the browser.",
@@ -155,6 +160,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     world.add_argument(
         "--transport", choices=("udp", "tcp"), default="udp", help="the real simulator has udp only"
+    )
+    world.add_argument(
+        "--view-token",
+        default=os.environ.get(TOKEN_VARIABLE) or None,
+        metavar="TEXT",
+        help=f"that the simulator wants of views, if it does; default: {TOKEN_VARIABLE}, or none",
     )
     world.add_argument(
         "--run",

@@ -73,11 +73,12 @@ class Session:
         control: bool = True,
         recording: bool = False,
         notify: Callable[[str], None] = lambda line: None,
+        view_token: str | None = None,
     ) -> None:
         self.world = World()
         self.timeline = Timeline()
         self.overlays = OverlayStore()
-        self.connection = SimulatorConnection(notify)
+        self.connection = SimulatorConnection(notify, token=view_token)
         self.recording = recording
         self.refused_overlays = 0
         self._address = address
@@ -196,7 +197,7 @@ class Session:
                 )
 
     def news(self, now: float) -> News:
-        """Say what has changed since the last call."""
+        """Return what has changed since the last call."""
         self._now = now
         return self._changes(self._published)
 

@@ -1,6 +1,6 @@
 """Random numbers for many worlds: the streams of `simulator_stub.world.noise`, drawn in blocks.
 
-Blocks form a chain: each is followed by the next one that was drawn. Whoever holds a block, a snapshot for
+Blocks form a chain: each is followed by the next one that was drawn. The holder of a block, a snapshot for
 one, finds the numbers that follow it there, and only who comes to the end of the chain draws. So copies of
 a batch share their generators and still all see the same numbers.
 """
@@ -91,7 +91,7 @@ class BatchStream:
         return twin
 
     def take(self) -> Floats:
-        """Give the numbers of the next cycle.
+        """Return the numbers of the next cycle.
 
         Returns
         -------

@@ -128,7 +128,7 @@ class BatchSimulation:
 
     @property
     def is_over(self) -> bool:
-        """Whether SimTime has been reached: robots stand still from then on, their sensors go on."""
+        """Return whether SimTime has been reached: robots stand still from then on, their sensors go on."""
         return 0 < self._plan.world.parameters.sim_time <= self._state.time
 
     def poses(self) -> Floats:

@@ -45,7 +45,7 @@ class BatchState:
     delays: dict[str, deque[NDArray[Any]]]
 
     def copy(self) -> BatchState:
-        """Make an independent copy; readings under way are shared, as nobody writes to them."""
+        """Make an independent copy; readings under way are shared, as they are never written to."""
         arrays = {
             field.name: getattr(self, field.name).copy()
             for field in fields(self)

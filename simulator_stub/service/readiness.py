@@ -13,7 +13,7 @@ Ready = Callable[[], None]
 class Readiness:
     """Sockets under watch, each with a function that is called when it is ready.
 
-    Level-triggered: whoever is called reads as much as it likes, and is called again while something is left.
+    Level-triggered: a handler reads as much as it likes, and is called again while something is left.
     """
 
     def __init__(self) -> None:
@@ -27,9 +27,9 @@ class Readiness:
         self._calls[sock.fileno()] = call
         self._poller.register(sock, select.POLLIN)
 
-    def watch_writing(self, sock: socket.socket, *, wanted: bool) -> None:
-        """Call a watched socket's function also when it can be written to, or no more."""
-        self._poller.modify(sock, select.POLLIN | select.POLLOUT if wanted else select.POLLIN)
+    def watch_for(self, sock: socket.socket, *, reading: bool, writing: bool = False) -> None:
+        """Call a watched socket's function when it can be read from, or written to, or only if it breaks."""
+        self._poller.modify(sock, select.POLLIN * reading | select.POLLOUT * writing)
 
     def forget(self, sock: socket.socket) -> None:
         """Stop watching; before the socket is closed."""
@@ -37,7 +37,7 @@ class Readiness:
         self._poller.unregister(sock)
 
     def wait(self, seconds: float) -> bool:
-        """Wait until something is ready, or time is up; then call whoever is ready.
+        """Wait until something is ready, or time is up; then call the handlers of what is ready.
 
         Parameters
         ----------

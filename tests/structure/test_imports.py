@@ -50,6 +50,8 @@ APPLICATIONS = {
     "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
     "grading": {"simulator_stub", "viewer"},
+    "front": {"agent", "simulator_stub", "viewer", "evaluation", "labtool", "grading"},
+    "__main__": {"front"},
 }
 # The rooms of the two processes, likewise; both stand on all of the library.
 AGENT = {
