@@ -319,11 +319,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.json is not None:
         options.json.write_text(json.dumps([dataclasses.asdict(one) for one in outcomes]))
     if options.figure is not None:
-        draw(table, options.figure)
+        pooled = reliability([claim for one in outcomes for claim in one.claims])
+        draw(table, pooled, options.figure)
 
 
-def draw(table: dict[str, dict[str, Any]], path: Path) -> None:
-    """Draw how often the sure were right, and what was said against what was right."""
+def draw(table: dict[str, dict[str, Any]], pooled: Sequence[tuple[float, float, int]], path: Path) -> None:
+    """Draw how often the sure were right; of all conditions, what was said against what was right."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 3.6), layout="constrained")
@@ -337,9 +338,9 @@ def draw(table: dict[str, dict[str, Any]], path: Path) -> None:
     left.set_xlabel("share of the cells said with more than 0.9")
     left.legend(fontsize=7, loc="lower left")
     left.tick_params(labelsize=7)
-    for name in names:
-        points = table[name]["reliability"]
-        right.plot([point[0] for point in points], [point[1] for point in points], "-", lw=0.8, label=name)
+    for level, share, count in pooled:
+        right.plot(level, share, "ko", markersize=4)
+        right.annotate(f"{count}", (level, share), fontsize=6, xytext=(4, -8), textcoords="offset points")
     right.plot((0.5, 1.0), (0.5, 1.0), "k:", lw=1.0)
     right.set_xlabel("probability said")
     right.set_ylabel("share right")
