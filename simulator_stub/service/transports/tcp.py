@@ -90,7 +90,7 @@ class TcpTransport(Transport):
         peer.deliver = lambda data: self._welcome(newcomer, data)
 
     def _pause(self, cost: int) -> None:
-        """Accept no connection for the rest of a CycleTime, once there were so many, or no descriptor is left."""
+        """Accept no more for the rest of a CycleTime, once there were so many, or no descriptor is left."""
         if self._allowance.spend(cost):
             self._watch(reading=False)
             self._meter.when_renewed(self._allowance, lambda: self._watch(reading=True))
