@@ -1,8 +1,8 @@
 """Views and panels: who may be one, how many there may be, and when one has gone.
 
 Nothing in the protocol says that a view over UDP has ended. What can be told: its machine says that no
-program is there, or it has never asked for anything, which every view that draws something does. A view that was
-registered with another's address cannot ask, either: it never learns the port to ask at.
+program is there, or it has never asked for anything, which every view that draws something does. One
+that was registered with another's address cannot ask, either: it never learns the port to ask at.
 """
 
 from __future__ import annotations
