@@ -17,7 +17,7 @@ CLIENT_BYTES = 8192
 """Of a registered client: five to ten times what the most talkative agents send in a cycle."""
 
 NEWCOMER_BYTES = 2048
-"""Of a connection on which nobody has registered yet: two registrations of the longest kind."""
+"""Of a connection without a registration: two registrations of the longest kind."""
 
 LEAST_COST = 80
 """Bytes that a datagram counts for at the least: as many messages as a cycle takes (`MESSAGES`)."""
@@ -46,7 +46,7 @@ class Meter:
     period : float
         Seconds between renewals of those that go by the clock.
     dropped : Counter
-        By what it was; shared with whoever drops something.
+        By what it was; shared with those who drop something.
     clock : callable
         Seconds, monotonic.
 
@@ -129,7 +129,7 @@ class Allowance:
 
     @property
     def exhausted(self) -> bool:
-        """Whether it is used up."""
+        """Return whether it is used up."""
         return self.left() <= 0
 
     def widen(self, most: int, *, every_cycle: bool) -> None:

@@ -1,8 +1,8 @@
 """Views and panels: who may be one, how many there may be, and when one has gone.
 
-Nothing in the protocol says that a view over UDP has ended. What can be told: its machine says that nobody
-listens there, or it has never asked for anything, which every view that draws something does. Who writes
-another's address on its registration cannot ask, either: it never learns the port to ask at.
+Nothing in the protocol says that a view over UDP has ended. What can be told: its machine says that no
+program is there, or it has never asked for anything, which every view that draws something does. One
+that was registered with another's address cannot ask, either: it never learns the port to ask at.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class Audience:
             if client.heard:
                 client.heard, client.asked, client.since = False, True, now
             elif client.peer.lost:
-                self._expel(client, "nobody is there any more")
+                self._expel(client, "no client is there any more")
             elif not (client.asked or client.peer.connected) and now - client.since > NEVER_ASKED_SECONDS:
                 self._expel(client, f"it has not asked for anything in {NEVER_ASKED_SECONDS:g} s")
         self.forget_closed()

@@ -1,6 +1,6 @@
 """Who asks to take part: looked at on arrival, admitted in a cycle.
 
-What is no registration is dropped at once and costs nobody else anything.
+What is no registration is dropped at once and costs no other client anything.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ class Reception:
         self._by_source: Counter[str] = Counter()
 
     def __bool__(self) -> bool:
-        """Whether anybody waits."""
+        """Return whether a client waits."""
         return bool(self._waiting)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> None:
-        """Take a message of somebody who has not registered.
+        """Take a message of a client that has not registered.
 
         Parameters
         ----------
@@ -97,6 +97,6 @@ class Reception:
             yield newcomer, registration
 
     def put_back(self, newcomer: Newcomer, registration: Registration) -> None:
-        """Let somebody wait on who was yielded, behind those who wait already."""
+        """Let a client wait on that was yielded, behind those that wait already."""
         self._by_source[newcomer.source] += 1
         self._waiting.append((newcomer, registration))

@@ -138,7 +138,7 @@ class Session:
         self._grid = encode(simulation.world.grid)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> None:
-        """Take a message of somebody who has not registered; a registration is answered in a cycle."""
+        """Take a message of a client that has not registered; a registration is answered in a cycle."""
         self._reception.welcome(newcomer, data)
 
     @property
@@ -148,7 +148,7 @@ class Session:
 
     @property
     def registrations_waiting(self) -> bool:
-        """Whether somebody waits to be registered."""
+        """Return whether a client waits to be registered."""
         return bool(self._reception)
 
     @property
@@ -254,7 +254,7 @@ class Session:
                 peer.deliver(data)
 
     def _open(self, newcomer: Newcomer, registration: Registration) -> Peer | None:
-        """Open somebody's channel; None where that cannot be, now or ever."""
+        """Open a client's channel; None where that cannot be, now or ever."""
         for room_made in (False, True):
             try:
                 return newcomer.accept()

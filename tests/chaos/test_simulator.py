@@ -40,8 +40,8 @@ def test_an_honest_robot_is_heard_whatever_its_neighbours_do(fault: str, calm: O
     assert outcome.registered
     assert outcome.status == 0
     assert outcome.cycles == calm.cycles
-    # One cycle in four for what busy neighbours, and other tests, take of the machine. Before there were limits
-    # all were lost, or the robot was not even answered.
+    # One cycle in four for what busy neighbours, and other tests, take of the machine. Before there were
+    # limits all were lost, or the robot was not even answered.
     assert outcome.answered >= calm.answered - CYCLES // 4
     assert "Traceback" not in outcome.said
 

@@ -31,7 +31,7 @@ class Peer(ABC):
     source : str
         The address of its machine.
     lost : bool
-        Whether its machine has said, again and again, that nobody is there any more.
+        Whether its machine has said, again and again, that no client is there any more.
     """
 
     connected = False
@@ -47,7 +47,7 @@ class Peer(ABC):
 
     @property
     def exhausted(self) -> bool:
-        """Whether it has sent more than is read in a cycle."""
+        """Return whether it has sent more than is read in a cycle."""
         return False
 
     @abstractmethod
@@ -98,7 +98,7 @@ class Newcomer(ABC):
         """Open the client's own channel; its Reply goes out on it, also a refusal."""
 
     def turn_away(self) -> None:  # noqa: B027 - where nothing is open there is nothing to close
-        """Let go of somebody who does not register."""
+        """Let go of a client that does not register."""
 
 
 Welcome = Callable[[Newcomer, bytes], None]
@@ -132,7 +132,7 @@ class Transport(ABC):
         """Look after what takes too long; called once in a CycleTime, with the meter's time in seconds."""
 
     def make_room(self) -> None:  # noqa: B027 - most have nothing to let go of
-        """Let go of somebody who has not registered: a descriptor is needed for somebody who has."""
+        """Let go of a client that has not registered: one that has needs a descriptor."""
 
     @abstractmethod
     def close(self) -> None:

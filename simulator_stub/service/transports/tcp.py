@@ -20,7 +20,7 @@ BACKLOG_LIMIT = 1 << 20
 """Bytes that may wait for a client that does not read; beyond them it is cut off."""
 
 UNREGISTERED_LIMIT = 256
-"""Connections on which nobody has registered yet; the oldest is closed for one more."""
+"""Connections without a registration; the oldest is closed for one more."""
 
 RESERVE = 16
 """Descriptors that are left for robots over UDP and for files: connections take turns in the rest."""
@@ -90,7 +90,7 @@ class TcpTransport(Transport):
         peer.deliver = lambda data: self._welcome(newcomer, data)
 
     def _pause(self, cost: int) -> None:
-        """Accept nobody for the rest of a CycleTime, once there were so many, or no descriptor is left."""
+        """Accept no more for the rest of a CycleTime, once there were so many, or no descriptor is left."""
         if self._allowance.spend(cost):
             self._watch(reading=False)
             self._meter.when_renewed(self._allowance, lambda: self._watch(reading=True))
@@ -107,7 +107,7 @@ class TcpTransport(Transport):
             return
 
     def tick(self, now: float) -> None:
-        """Close connections on which nobody has registered in time."""
+        """Close connections on which no client has registered in time."""
         while self._unregistered:
             peer, deadline = next(iter(self._unregistered.items()))
             if deadline > now:
@@ -133,7 +133,7 @@ class TcpNewcomer(Newcomer):
         self.source = peer.source
 
     def accept(self) -> Peer:
-        """Return the connection itself, which listens to nobody until it is told to."""
+        """Return the connection itself, which does not listen until it is told to."""
         self._peer.settled()
         self.registered = self._peer
         self._peer.deliver = ignore
@@ -248,7 +248,7 @@ class TcpPeer(Peer):
 
     @property
     def exhausted(self) -> bool:
-        """Whether it has sent more than is read in a cycle."""
+        """Return whether it has sent more than is read in a cycle."""
         return self._paused
 
     def widen(self) -> None:

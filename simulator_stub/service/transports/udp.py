@@ -169,7 +169,7 @@ class UdpPeer(Peer):
 
     @property
     def exhausted(self) -> bool:
-        """Whether it has sent more than is read in a cycle."""
+        """Return whether it has sent more than is read in a cycle."""
         return self._allowance.exhausted
 
     def serve_every_cycle(self) -> None:
@@ -187,7 +187,7 @@ class UdpPeer(Peer):
         try:
             self._socket.send(data)
         except ConnectionRefusedError:
-            # Nobody was there for the one before; that does not mean that nobody is there now.
+            # No client was there for the one before; one may be there now.
             self._refused += 1
             self.lost = self._refused >= REFUSALS
             with contextlib.suppress(OSError):
