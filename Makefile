@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo examples docs test quick lint conformance accuracy bench figures release clean
+.PHONY: help setup demo examples docs test quick lint chaos chaos-long conformance accuracy bench figures release clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -32,10 +32,17 @@ lint: $(VENV)/.stamp  ## ruff, codespell and mypy
 	$(BIN)/mypy
 
 quick: $(VENV)/.stamp  ## the tests that take less than a few seconds each
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow and not chaos_long"
 
 test: lint  ## everything CI runs, on every core
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto -m "not chaos_long"
+
+chaos: $(VENV)/.stamp  ## bad networks, hostile clients, full disks: the part that CI runs, one test at a time
+	$(BIN)/python -m pytest tests/chaos -m "not chaos_long"
+
+chaos-long: $(VENV)/.stamp  ## all of that, and the table of faults, five tries each
+	$(BIN)/python -m pytest tests/chaos
+	$(BIN)/python -m tests.chaos.scenario --tries 5
 
 conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator: the tests', or GOLDEN=... LABS=...
 	$(BIN)/python -m benchmarks.conformance $(if $(GOLDEN),--golden '$(GOLDEN)') $(if $(LABS),--labs '$(LABS)')

@@ -46,7 +46,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from ciberrato.net.address import DEFAULT_PORT  # brings in the whole codec
+    from ciberrato.net.address import DEFAULT_PORT, TOKEN_VARIABLE  # brings in the whole codec
 
     parser = ProgramParser(
         PROGRAM,
@@ -107,17 +107,27 @@ def _parser() -> argparse.ArgumentParser:
         "--port", type=_port, default=DEFAULT_PORT, metavar="N", help="default: 6000; 0 takes any free one"
     )
     network.add_argument(
-        "--bind", default="0.0.0.0", metavar="ADDRESS", help="listen only there; default: everywhere"
-    )
-    network.add_argument(
-        "--tcp", action=argparse.BooleanOptionalAction, default=True, help="listen on TCP, too"
+        "--bind",
+        metavar="ADDRESS",
+        help="listen there; 0.0.0.0: on the network, too; default: 127.0.0.1, this machine only",
     )
     network.add_argument(
         "--views",
         type=_views,
-        metavar="N",
-        help="views and panels at a time, which see all robots and may start, stop and reset; 0 takes none; "
-        "default: 64",
+        default="all",
+        metavar="all|local|N",
+        help="who may view, start, stop, reset and remove: all, only programs on this machine, "
+        "or so many at a time, 0 none; default: all, 256 at a time",
+    )
+    network.add_argument(
+        "--view-token",
+        type=_token,
+        default=os.environ.get(TOKEN_VARIABLE) or None,
+        metavar="TEXT",
+        help=f"that viewers must show (ciberrato-viewer --view-token); default: {TOKEN_VARIABLE}, or none",
+    )
+    network.add_argument(
+        "--tcp", action=argparse.BooleanOptionalAction, default=True, help="listen on TCP, too"
     )
     network.add_argument(
         "--no-restart", action="store_true", help='robots cannot begin the run again by Reset="On"'
@@ -194,6 +204,12 @@ def _number(text: str, what: str, *, least: float, most: float) -> int:
     return value
 
 
+def _token(text: str) -> str:
+    if not (text.isascii() and text.isprintable() and 0 < len(text) <= 200):
+        raise argparse.ArgumentTypeError("the token must be 1 to 200 printable ASCII characters")
+    return text
+
+
 def _scoring(text: str) -> int | str:
     """Read a scoring mode, by number or by name; one that others wrote by its own name or place."""
     numbers = {name: number for number, name in SCORING_MODES.items()}
@@ -219,8 +235,10 @@ def _count(text: str) -> int:
     return _number(text, "a number of robots, 0 or more", least=0, most=math.inf)
 
 
-def _views(text: str) -> int:
-    return _number(text, "a number of views, 0 or more", least=0, most=math.inf)
+def _views(text: str) -> int | str:
+    if text in ("all", "local"):
+        return text
+    return _number(text, "all, local, or a number of views, 0 or more", least=0, most=math.inf)
 
 
 def _runs(text: str) -> int:

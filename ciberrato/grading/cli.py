@@ -7,10 +7,9 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ciberrato.command_line import ProgramParser
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.command_line import ProgramParser, run_program
+from ciberrato.errors import UsageError
 from ciberrato.grading.telling import PROGRAM, shown
-from ciberrato.system.process import output_has_gone
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,25 +27,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         right; 130 if interrupted (what was run is kept).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        if words[:1] == ["check"]:
-            from ciberrato.grading.conformance.cli import main as check
 
-            status = check(words[1:])
-        else:
-            status = _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
-        sys.stdout.flush()
-        return status
-    except OSError as error:
-        if not output_has_gone(error):
-            raise
-        return 0
-    except KeyboardInterrupt:
-        return 130
-    except CiberratoError as error:
-        for line in str(error).splitlines():
-            print(f"{PROGRAM}: {line}", file=sys.stderr)
-        return 2
+    def body() -> int:
+        try:
+            if words[:1] == ["check"]:
+                from ciberrato.grading.conformance.cli import main as check
+
+                return check(words[1:])
+            return _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
+        except KeyboardInterrupt:
+            return 130
+
+    return run_program(PROGRAM, body)
 
 
 def _init(words: Sequence[str]) -> int:

@@ -7,7 +7,8 @@ import select
 import socket
 import time
 
-from ciberrato.net.address import resolve
+from ciberrato.errors import ProtocolError
+from ciberrato.net.address import answers_for, resolve
 from ciberrato.net.link import Arrival, LinkError
 from ciberrato.system.sockets import receive_stamped, stamp_arrivals
 
@@ -98,7 +99,7 @@ class UdpLink:
                 continue  # Windows reports a refused datagram in the place of the next one that has come
             except BlockingIOError:
                 break
-            if self._is_ours(sender):
+            if self._is_ours(sender, data):
                 arrivals.append(Arrival(data, arrived))
         return arrivals
 
@@ -122,14 +123,16 @@ class UdpLink:
             data, sender = self._socket.recvfrom(65535)
         except (BlockingIOError, ConnectionError):
             return None
-        return data if self._is_ours(sender) else None
+        return data if self._is_ours(sender, data) else None
 
-    def _is_ours(self, sender: tuple[str, int]) -> bool:
+    def _is_ours(self, sender: tuple[str, int], data: bytes) -> bool:
         if self._peer is not None:
             return sender == self._peer
-        if sender in self._former or not _same_machine(sender[0], self._main[0]):
+        if sender in self._former or not answers_for(sender[0], self._main[0]):
             return False
-        self._peer = sender
+        # A refusal may be anybody's: whoever accepts after it is heard.
+        if not _is_refusal(data):
+            self._peer = sender
         return True
 
     def _send(self, data: bytes, address: tuple[str, int]) -> None:
@@ -143,6 +146,10 @@ class UdpLink:
             raise LinkError(f"cannot send to {address[0]}:{address[1]}: {error.strerror}") from None
 
 
-def _same_machine(first: str, second: str) -> bool:
-    """Return whether two addresses are one machine's: 127.0.0.1 answers for 127.0.1.1 too."""
-    return first == second or (first.startswith("127.") and second.startswith("127."))
+def _is_refusal(data: bytes) -> bool:
+    from ciberrato.protocol import Refusal, decode_simulator_message
+
+    try:
+        return isinstance(decode_simulator_message(data), Refusal)
+    except ProtocolError:
+        return False

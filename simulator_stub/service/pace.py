@@ -294,6 +294,9 @@ class Lockstep(Pace):
         """Compute for how long to wait on for what else belongs to an answer."""
         answers = client.answers
         process = answers.process
+        if client.peer.exhausted:  # what it goes on sending is not read before the next cycle
+            self._certain = False
+            return 0.0
         if answers.answered_at is None or client.arrived != answers.arrived:
             answers.arrived = client.arrived
             answers.take(None, now)

@@ -25,9 +25,9 @@ class Readiness:
         self._calls[sock.fileno()] = call
         self._poller.register(sock, READING)
 
-    def watch_writing(self, sock: socket.socket, *, wanted: bool) -> None:
-        """Call a watched socket's function also when it can be written to, or no more."""
-        self._poller.modify(sock, READING | WRITING if wanted else READING)
+    def watch_for(self, sock: socket.socket, *, reading: bool, writing: bool = False) -> None:
+        """Call a watched socket's function when it can be read from, or written to, or only if it breaks."""
+        self._poller.modify(sock, READING * reading | WRITING * writing)
 
     def forget(self, sock: socket.socket) -> None:
         """Stop watching; before the socket is closed."""

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,9 +19,17 @@ from ciberrato.files.simulator_log import read_simulator_log
 from ciberrato.files.start_grid import default_grid, read_grid
 from ciberrato.labs import find_grid, find_lab
 from ciberrato.net import TcpLink, UdpLink
-from ciberrato.protocol import Actions, RobotRegistration, encode
+from ciberrato.protocol import (
+    Acceptance,
+    Actions,
+    Refusal,
+    RobotRegistration,
+    ViewRegistration,
+    decode_simulator_message,
+    encode,
+)
 from ciberrato.world.parameters import Parameters
-from simulator_stub.assembly import read_world
+from simulator_stub.assembly import _tell_who_is_heard, build_server, read_world
 from simulator_stub.cli import main
 from simulator_stub.options import parse_arguments
 from simulator_stub.recording.date import log_date
@@ -419,3 +428,71 @@ def test_signals_at_any_moment_of_the_start_end_it_quietly(processes: list[Proce
         status, _, err = simulator.finish(number)
         assert status == 0
         assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "address", "told"),
+    [
+        pytest.param([], "127.0.0.1", "only programs on this machine are heard", id="default"),
+        pytest.param(["--bind", "127.0.0.1"], "127.0.0.1", None, id="said"),
+        pytest.param(["--bind", "127.0.0.2"], "127.0.0.2", None, id="another-loopback"),
+    ],
+)
+def test_it_is_heard_on_this_machine_unless_told_otherwise_and_says_so(
+    arguments: list[str], address: str, told: str | None
+) -> None:
+    lines: list[str] = []
+    notes: list[str] = []
+    options = parse_arguments(["--port", "0", *arguments])
+    server = build_server(options, print_line=lines.append, notify=notes.append)
+    try:
+        assert [line.rpartition(":")[0] for line in lines[1:]] == [
+            f"listening on udp {address}",
+            f"listening on tcp {address}",
+        ]
+        assert len(notes) == (told is not None)
+        if told is not None:
+            assert told in notes[0]
+            assert "--bind 0.0.0.0 --views local" in notes[0]
+    finally:
+        server.close()
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"), [((), True), (("--views", "local"), False), (("--view-token", "s"), False)]
+)
+def test_who_binds_wide_is_told_who_may_command(limits: tuple[str, ...], told: bool) -> None:
+    notes: list[str] = []
+    # No socket is opened: nothing of a test is to be heard on a network.
+    _tell_who_is_heard(parse_arguments(["--bind", "0.0.0.0", *limits]), "0.0.0.0", notes.append)
+    assert len(notes) == told
+    if told:
+        assert "--views local or --view-token TEXT" in notes[0]
+
+
+@pytest.mark.parametrize("token", ["", "a\nb", "é", "x" * 201])
+def test_a_token_that_no_view_could_show_is_refused(token: str) -> None:
+    with pytest.raises(UsageError, match="token must be"):
+        parse_arguments(["--view-token", token])
+
+
+def test_the_token_comes_from_the_environment_too_and_a_view_shows_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("CIBERRATO_VIEW_TOKEN", "secret")
+    options = parse_arguments(["--port", "0", "--bind", "127.0.0.1"])
+    assert options.view_token == "secret"
+    server = build_server(options, print_line=lambda line: None, notify=lambda line: None)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        for token, kind in ((None, Refusal), ("wrong", Refusal), ("secret", Acceptance)):
+            with UdpLink("127.0.0.1", server.port) as link:
+                link.register(encode(ViewRegistration(token)))
+                data = link.receive(60.0)
+                assert data is not None
+                assert isinstance(decode_simulator_message(data), kind)
+    finally:
+        server.stop()
+        thread.join(60.0)
+        server.close()

@@ -7,7 +7,6 @@ output, a number a line, and behind that the most memory held, in megabytes.
 
 from __future__ import annotations
 
-import contextlib
 import pickle
 import sys
 from dataclasses import dataclass
@@ -67,5 +66,8 @@ if __name__ == "__main__":
     # Under its full name, so that the class of the request is the one that was pickled.
     from ciberrato.localization.tables.build import main as run
 
-    with contextlib.suppress(BrokenPipeError):
+    # The parent is gone, or there is no room or no memory: that there are no tables is all it needs to know.
+    try:
         sys.exit(run())
+    except (BrokenPipeError, OSError, MemoryError, ImportError):
+        sys.exit(1)
