@@ -65,7 +65,7 @@ SIMULATOR = {
     "scoring": {"world"},
     "robot_transitions": {"scoring", "world"},
     "simulation": {"robot_transitions", "scoring", "sensors", "world"},
-    "batch": {"sensors", "world"},
+    "batch": {"scoring", "sensors", "simulation", "world"},
     "recording": {"simulation", "world"},
     "service": {"recording", "simulation", "world"},
 }
