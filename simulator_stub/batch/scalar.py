@@ -1,4 +1,4 @@
-"""One cycle of a batch of few worlds, robot by robot: for less than some 16, numpy's calls cost more.
+"""One cycle of a batch of few worlds, robot by robot: for less than some 30, numpy's calls cost more.
 
 The functions are those of `simulator_stub.batch.arrays`, and so are the numbers, to the last bit.
 """

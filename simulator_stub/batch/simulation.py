@@ -27,7 +27,7 @@ from simulator_stub.sensors.line import SIDEWAYS
 from simulator_stub.simulation import GPS_OFFSET_RANGE
 from simulator_stub.world.noise import NoiseRoot
 
-FEW = 16
+FEW = 32
 """Worlds below which they are stepped one by one, if not in machine code."""
 _SCORES: dict[int, Callable[[BatchPlan], BatchScores]] = {0: TargetScores.empty, 1: CircuitScores.empty}
 _DEVIATIONS = {
