@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from ciberrato.arrays import Booleans, Floats, Integers
+from simulator_stub.batch.plan import SENSORS, BatchPlan
+from simulator_stub.sensors.line import SIDEWAYS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,3 +50,30 @@ class BatchReadings:
     gps: Floats | None = None
     beacons: Floats | None = None
     score: Integers | None = None
+
+    @classmethod
+    def empty(cls, plan: BatchPlan, *, scored: bool) -> BatchReadings:
+        """Make room for all worlds."""
+        worlds, shared = plan.worlds, plan.shared
+        return cls(
+            time=np.zeros(worlds, np.int64),
+            over=np.zeros(worlds, np.bool_),
+            infrared=np.zeros((worlds, SENSORS)),
+            compass=np.zeros(worlds),
+            ground=np.zeros(worlds, np.int64),
+            collision=np.zeros(worlds, np.bool_),
+            line=np.zeros((worlds, len(SIDEWAYS)), np.bool_) if plan.line_sensor else None,
+            gps=np.zeros((worlds, 2)) if shared.gps else None,
+            beacons=np.zeros((worlds, plan.beacons)) if shared.beacon_sensor else None,
+            score=np.zeros(worlds, np.int64) if scored else None,
+        )
+
+    def with_worlds(self, which: Integers, fresh: BatchReadings) -> BatchReadings:
+        """Make others, with those of some worlds from elsewhere."""
+        changed: dict[str, Any] = {}
+        for name in self.__slots__:
+            array = getattr(self, name)
+            if array is not None:
+                changed[name] = array.copy()
+                changed[name][which] = getattr(fresh, name)[which]
+        return replace(self, **changed)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -56,9 +57,9 @@ class BatchScores(Arrays):
     leds: Booleans
 
     @staticmethod
-    def basics(worlds: int) -> dict[str, np.ndarray]:
+    def basics(worlds: int) -> dict[str, Any]:
         """Make room for all worlds."""
-        arrays: dict[str, np.ndarray] = {
+        arrays: dict[str, Any] = {
             name: np.zeros(worlds, np.int64) for name in ("score", "arrival_time", "returning_time")
         }
         arrays |= {name: np.zeros(worlds, np.bool_) for name in ("returning", "finished")}
@@ -150,7 +151,8 @@ class TargetScores(BatchScores):
         self.returning_time[returning] = (state.time - self.departure)[returning]
         active = np.flatnonzero(moving & (self.leds.any(axis=1) | self.returning))
         if active.size:
-            below, all_visited = self._below(plan, state, active), self.visited[active].all(axis=1)
+            below = self._below(plan, state, active)
+            all_visited = np.asarray(self.visited[active].all(axis=1))
             for world, target, complete in zip(
                 active.tolist(), below.tolist(), all_visited.tolist(), strict=True
             ):
@@ -246,7 +248,8 @@ class CircuitScores(BatchScores):
     def empty(cls, plan: BatchPlan) -> CircuitScores:
         """Make room for all worlds."""
         worlds = plan.worlds
-        numbers = {name: np.zeros(worlds, np.int64) for name in ("nodes", "coming", "reward", "penalty")}
+        names = ("nodes", "coming", "reward", "penalty")
+        numbers: dict[str, Any] = {name: np.zeros(worlds, np.int64) for name in names}
         return cls(**cls.basics(worlds), circuit=np.zeros((worlds, 1, 2), np.int64), **numbers)
 
     def begin(self, plan: BatchPlan, state: BatchState, worlds: Integers) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
@@ -10,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.arrays import Booleans, Floats, Integers
+from ciberrato.world.parameters import Parameters
 from simulator_stub.batch.plan import SENSORS, BatchPlan
 from simulator_stub.sensors.ground import NOWHERE
 
@@ -120,6 +123,34 @@ class BatchState(Arrays):
             sensor: deque([reading] * latency) for sensor, (latency, reading) in latencies.items() if latency
         }
         return cls(**arrays)
+
+    def set_rules(self, which: Integers, rules: Sequence[Parameters]) -> None:
+        """Set what worlds take from their parameters, one for each."""
+        table = {
+            "motor_deviation": [one.motors_noise / 100.0 for one in rules],
+            "compass_deviation": [one.compass_noise * math.pi / 180.0 for one in rules],
+            "obstacle_deviation": [one.obstacle_noise for one in rules],
+            "gps_deviation": [one.gps_linear_noise for one in rules],
+            "beacon_deviation": [one.beacon_noise * math.pi / 180.0 for one in rules],
+            "beacon_aperture": [one.beacon_aperture for one in rules],
+            "line_probability": [one.line_sensor_true_probability for one in rules],
+            "sim_time": [one.sim_time for one in rules],
+            "wall_penalty": [one.collision_wall_penalty for one in rules],
+        }
+        for name, values in table.items():
+            getattr(self, name)[which] = values
+
+    def begin(self, which: Integers, poses: Floats) -> None:
+        """Put robots at rest on their starts, at time 0."""
+        self.start[which] = poses
+        self.x[which], self.y[which] = poses[:, 0], poses[:, 1]
+        self.heading[which] = poses[:, 2] * math.pi / 180.0
+        for array in (self.left_command, self.right_command, self.left_output, self.right_output):
+            array[which] = 0.0
+        self.time[which] = self.collisions[which] = 0
+        self.collides[which] = self.collision_begins[which] = False
+        self.moves[which] = True
+        self.forget_late_readings(which)
 
     def copy(self) -> BatchState:
         """Make an independent copy; readings under way are shared: they are replaced, never written to."""

@@ -173,7 +173,7 @@ def rules_of(worlds: int, rng: np.random.Generator, **changes: object) -> list[P
 @pytest.mark.parametrize("scoring", [None, 0, 1])
 def test_worlds_that_differ_and_begin_anew(options: dict, worlds: int, scoring: int | None) -> None:
     rng = np.random.default_rng([worlds, 3])
-    labs = (labs_named("maze", "rooms", "lines") + [ROOM]) * worlds
+    labs = [*labs_named("maze", "rooms", "lines"), ROOM] * worlds
     labs = labs[:worlds]
     twins = Twins(
         labs, free_starts(labs, rng), rules_of(worlds, rng), list(range(worlds)), scoring, **options

@@ -50,6 +50,7 @@ APPLICATIONS = {
     "labtool": {"agent"},
     "evaluation": {"agent", "simulator_stub"},
     "grading": {"simulator_stub", "viewer"},
+    "gym": {"simulator_stub"},
 }
 # The rooms of the two processes, likewise; both stand on all of the library.
 AGENT = {
