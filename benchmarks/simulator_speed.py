@@ -102,7 +102,9 @@ def single_seconds(lab: Lab, start: NDArray[np.float64], *, compiled: bool) -> f
 
 
 def _batch_row(lab: Lab, starts: NDArray[np.float64], name: str, *, compiled: bool) -> Iterator[Row]:
-    batch = BatchSimulation(lab, starts, NOISE, seeds=range(WORLDS), line_sensor=False, compiled=compiled)
+    batch = BatchSimulation(
+        lab, starts, NOISE, seeds=range(WORLDS), line_sensor=False, compiled=compiled, threads=1
+    )
     powers = [np.broadcast_to(np.array(power), (WORLDS, 2)) for power in COMMANDS]
 
     def drive() -> None:
@@ -113,24 +115,22 @@ def _batch_row(lab: Lab, starts: NDArray[np.float64], name: str, *, compiled: bo
     drive()
     cycles = HELD * len(COMMANDS)
     seconds = best_time(drive, budget=3.0, repeats=8) / cycles / WORLDS
-    note = f"IR {_share_of_infrared(batch, drive):.0%} of it"
+    note = f"reading sensors {_share_of_sensors(batch, drive):.0%} of it"
     yield _row(f"BatchSimulation, {WORLDS} worlds, {name}", seconds, target=TARGETS[name], note=note)
 
 
-def _share_of_infrared(batch: BatchSimulation, drive: Callable[[], None]) -> float:
-    """Drive once more, and give the share of the time that reading the IR sensors takes."""
+def _share_of_sensors(batch: BatchSimulation, drive: Callable[[], None]) -> float:
+    """Drive once more, and return the share of the time that reading IR, compass and ground takes."""
     kernels = batch._kernels
     spent = 0.0
 
-    def infrared(*arguments: object) -> object:
+    def sense(*arguments: object) -> None:
         nonlocal spent
         began = time.perf_counter()
-        readings = kernels.infrared(*arguments)
+        kernels.sense(*arguments)
         spent += time.perf_counter() - began
-        return readings
 
-    names = ("move", "compass", "ground", "line")
-    batch._kernels = SimpleNamespace(infrared=infrared, **{name: getattr(kernels, name) for name in names})
+    batch._kernels = SimpleNamespace(sense=sense, move=kernels.move, line=kernels.line)
     began = time.perf_counter()
     drive()
     total = time.perf_counter() - began

@@ -98,6 +98,7 @@ class Scenario:
         self.parameters = replace(parameters, sim_time=time_limit, compass_sensor=True, **given)
         self._places: list[list[Start] | None] = []
         self._walls = [WallMap.from_lab(lab) for lab in self.labs]
+        self._solid = [_solid(walls) for walls in self._walls]
         for one, lab in zip(listed, self.labs, strict=True):
             self._places.append(_places(one, lab, starts))
 
@@ -138,13 +139,20 @@ class Scenario:
         places = self._places[number]
         if places is not None:
             return places[int(generator.integers(len(places)))] if len(places) > 1 else places[0]
-        lab, walls = self.labs[number], self._walls[number]
+        lab, walls, solid = self.labs[number], self._walls[number], self._solid[number]
         reach = (lab.width - ROBOT_RADIUS, lab.height - ROBOT_RADIUS)
         for _ in range(_TRIES):
             x, y = (float(generator.uniform(ROBOT_RADIUS, most)) for most in reach)
-            if not walls.touches(x, y, ROBOT_RADIUS) and not walls.point_in_polygons(x, y):
+            if not walls.touches(x, y, ROBOT_RADIUS) and not solid.point_in_polygons(x, y):
                 return (x, y, float(generator.uniform(-180.0, 180.0)))
         raise UsageError(f"lab {self.names[number]}: no free place for a robot was found")
+
+
+def _solid(walls: WallMap) -> WallMap:
+    """Leave out polygons that are too slim for a robot to be inside them without touching their faces."""
+    across = 2.0 * ROBOT_RADIUS
+    roomy = [one for one in walls.polygons if len(one) and np.ptp(one, axis=0).min() >= across]
+    return replace(walls, polygons=tuple(roomy))
 
 
 def scaled(parameters: Parameters, factor: float) -> Parameters:

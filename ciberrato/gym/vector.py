@@ -24,7 +24,7 @@ from ciberrato.gym.making import (
 )
 from ciberrato.gym.picture import Picture
 from ciberrato.gym.scenario import Episode
-from ciberrato.gym.signals import of_batch
+from ciberrato.gym.signals import Signals, of_batch
 from simulator_stub.batch import BatchSimulation
 
 Observations = NDArray[np.float32]
@@ -91,6 +91,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         self._generators: list[np.random.Generator] | None = None
         self._seeds: list[int] = []
         self._batch: BatchSimulation | None = None
+        self._signals: Signals
         self._episodes: list[Episode] = []
         self._done = np.zeros(num_envs, np.bool_)
         self._all = np.ones(num_envs, np.bool_)
@@ -157,8 +158,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         self._seed(seeds, mask)
         which = np.flatnonzero(mask)
         self._begin(which, asked)
-        assert self._batch is not None
-        signals = of_batch(self._batch)
+        signals = self._signals
         return self.task.observe(signals), _infos(
             {"score": signals.score, "success": np.zeros(self.num_envs, np.bool_)}, mask
         )
@@ -206,7 +206,8 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
             for world, episode in zip(which.tolist(), episodes, strict=True):
                 self._episodes[world] = episode
         self._done[which] = False
-        self.task.begin(which, of_batch(self._batch), episodes)
+        self._signals = of_batch(self._batch)
+        self.task.begin(which, self._signals, episodes)
 
     def step(self, actions: ArrayLike) -> Step:
         """Do one cycle in all environments.
@@ -236,14 +237,14 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         beginning = self._done.copy()
         some_begin = bool(beginning.any())
         active = ~beginning if some_begin else self._all
-        batch.step(commands, self.task.leds(of_batch(batch)))
-        signals = of_batch(batch)
+        batch.step(commands, self.task.leds(self._signals))
+        signals = self._signals = of_batch(batch)
         rewards, terminations, success = self.task.advance(signals, commands, active)
         truncations = (signals.time >= self.scenario.parameters.sim_time) & ~terminations
         terminations, success = terminations.copy(), success.copy()
         if some_begin:
             self._begin(np.flatnonzero(beginning))
-            signals = of_batch(batch)
+            signals = self._signals
             for array in (rewards, terminations, truncations, success):
                 array[beginning] = 0
         observations = self.task.observe(signals)
@@ -263,8 +264,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
             final[world] = observations[world].copy()
         last = {name: infos[name] for name in ("score", "success")}
         self._begin(np.flatnonzero(ended))
-        assert self._batch is not None
-        signals = of_batch(self._batch)
+        signals = self._signals
         now = {"score": signals.score, "success": last["success"] & ~ended}
         return self.task.observe(signals), {
             "final_obs": final,
@@ -273,6 +273,12 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
             "_final_info": ended.copy(),
             **_infos(now, self._all),
         }
+
+    def poses(self) -> Floats:
+        """Return the true poses: x, y in units and heading in radians, shape (num_envs, 3)."""
+        if self._batch is None:
+            raise gymnasium.error.ResetNeeded("call reset() before poses()")
+        return self._batch.poses()
 
     # --- pictures -----------------------------------------------------------------------------------------
 
