@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo examples test quick lint conformance accuracy bench figures clean
+.PHONY: help setup demo examples docs test quick lint conformance accuracy bench figures clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -23,9 +23,10 @@ $(VENV)/.stamp: $(VENV)/.runtime
 setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
 
 demo: $(VENV)/.runtime  ## the whole path once: simulator, agent, localization.out, a table and a figure
-	$(BIN)/python -m examples.demo
+	$(BIN)/python -m ciberrato demo
 
-lint: $(VENV)/.stamp  ## ruff and mypy
+lint: $(VENV)/.stamp  ## ruff, codespell and mypy
+	$(BIN)/codespell
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -47,6 +48,10 @@ examples: $(VENV)/.stamp  ## the classic localization problems, with figures in 
 
 bench: $(VENV)/.stamp  ## speed, as ratios to plain references; writes build/bench.json
 	$(BIN)/python -m benchmarks
+
+docs: $(VENV)/.stamp  ## the manual as a site, build/site/index.html; needs no network
+	$(BIN)/python -m sphinx -W -q -b html -d build/trees docs build/site
+	@echo build/site/index.html
 
 figures: $(VENV)/.stamp  ## the pictures of the manual, into docs/figures (the screenshots need Chromium)
 	$(BIN)/python -m examples.agent_figures docs/figures

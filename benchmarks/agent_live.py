@@ -119,7 +119,7 @@ def run(lab: str, compiled: str, cycle_time: int, cache: Path, *, cycles: int = 
 
 
 def grid_of(lab: str) -> str:
-    """Give a start: the lab's own, or a pose in its second cell."""
+    """Return a start: the lab's own, or a pose in its second cell."""
     return str(find_grid(lab)) if find_lab(lab).parent.name == "maps" else "3,3,90"
 
 

@@ -73,7 +73,7 @@ def table_rows() -> Iterator[Row]:
 
 
 def least(work: object) -> float:
-    """Give the least of several times."""
+    """Return the least of several times."""
     assert callable(work)
     return min(float(work()) for _ in range(REPEATS))
 

@@ -21,7 +21,7 @@ Reading = Sequence[float | None]
 def enumerate_starts(
     readings: Sequence[Reading], expected: ExpectedReadings, *, preset: str, sigma: float
 ) -> list[Floats | None]:
-    """Give the posterior after each step; None where no start cell is possible."""
+    """Return the posterior after each step; None where no start cell is possible."""
     rows, columns = expected.free.shape
     free, east = expected.free.tolist(), expected.east.tolist()
     posteriors: list[Floats | None] = []

@@ -45,7 +45,7 @@ class Row:
 
 
 def best_time(work: Callable[[], Any], *, budget: float = 0.5, repeats: int = 5) -> float:
-    """Give the least time for one call, out of some series, in about `budget` seconds.
+    """Return the least time for one call, out of some series, in about `budget` seconds.
 
     The least is what the machine can do: other programs only ever add to it.
     """
@@ -65,5 +65,5 @@ def best_time(work: Callable[[], Any], *, budget: float = 0.5, repeats: int = 5)
 
 
 def absent(group: str, who: str, package: str) -> Iterator[Row]:
-    """Give the row of a comparison whose package is not installed."""
+    """Return the row of a comparison whose package is not installed."""
     yield Row(group=group, who=who, seconds=None, note=f"skipped: pip install {package}")

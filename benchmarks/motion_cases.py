@@ -74,13 +74,13 @@ class Model(NamedTuple):
 
 
 def least(turn: float, sigma: float, width: float) -> float:
-    """Give the least standard deviation that a turn between heading cells has on the grid."""
+    """Return the least standard deviation that a turn between heading cells has on the grid."""
     rest = abs(turn / width - round(turn / width))
     return max(sigma, width * math.sqrt(rest * (1.0 - rest)))
 
 
 def places(space: StateSpace, carry: Any = None) -> np.ndarray:
-    """Give where the cells are, (*shape, axes)."""
+    """Return where the cells are, (*shape, axes)."""
     found = space.centres()
     if carry is not None:
         found[..., 2] += carry.turn

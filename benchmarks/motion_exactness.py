@@ -93,7 +93,7 @@ def deviation(case: Case, seed: int = 1) -> Deviation:
 
 
 def limits(case: Case) -> Deviation:
-    """Give what a case may deviate by.
+    """Return what a case may deviate by.
 
     6 % of a variance of 100,000 samples are a dozen standard errors; heading cells of 15 degrees make 1 % of
     it. Where the ways of neighbouring headings end more than a cell apart, and the noise of the turns is

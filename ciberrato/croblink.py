@@ -6,7 +6,7 @@ An agent runs after changing one import::
 
 It goes on as it was, and gains: a port behind the host (``host:7000``), the newest Measures where it was too
 slow for older ones (`CRobLink.lost` and `CRobLink.skipped` count what it did not see), messages that say
-what happened when nobody answers, and a log of the run where ``CIBERRATO_LOG`` names a file.
+what happened when no simulator answers, and a log of the run where ``CIBERRATO_LOG`` names a file.
 
 Agents in any language also run unmodified, with their own file: this module is a convenience.
 """
@@ -184,7 +184,7 @@ class CRobLink:
     Raises
     ------
     TimeoutError
-        If nobody answers within 2 s; it is the same as ``socket.timeout``.
+        If no simulator answers within 2 s; it is the same as ``socket.timeout``.
     """
 
     def __init__(self, robName: str, robId: int, host: str = UDP_IP, port: int = UDP_PORT) -> None:

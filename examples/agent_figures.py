@@ -6,15 +6,20 @@ lists.
 
 from __future__ import annotations
 
+import math
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from agent.cli import main as agent
+from agent.views.figures.animation import animate_poses
+from ciberrato import Robot, find_grid, find_lab, read_grid, read_lab
 from ciberrato.errors import UsageError
-from examples.demo import demonstrate
+from ciberrato.files.run_log import read_run
+from ciberrato.front.demo import demonstrate
 from examples.viewer_figures import shrink
+from simulator_stub.simulation import Simulation
 
 ANIMATION_FRAME = 34
 """Which frame of the animation is shown as a picture: one with the robot on its way."""
@@ -43,7 +48,33 @@ def main(argv: Sequence[str] | None = None) -> int:
         run = Path(scratch)
         demonstrate(run, 7)
         draw_all(run, target)
+        draw_drive(run / "drive.jsonl", target / "run.gif")
     return 0
+
+
+def draw_drive(log: Path, target: Path) -> None:
+    """Drive through `maze` with two rules and draw what the pose filter believes meanwhile.
+
+    Parameters
+    ----------
+    log : Path
+        Gets the run.
+    target : Path
+        The animation.
+    """
+    lab = read_lab(find_lab("maze"))
+    simulation = Simulation(lab, read_grid(find_grid("maze")), seed=7)
+    truth = {}
+    with Robot("rosa", simulation=simulation, localize="maze", angles=(0, 60, -60, 180), log=log) as robot:
+        for measures in robot:
+            ahead, left, right, _ = (value or 0.0 for value in measures.infrared)
+            turn = 0.1 if left < right else -0.1
+            robot.drive(-turn, turn) if ahead > 1.2 else robot.drive(0.12, 0.12)
+            x, y, heading = simulation.poses()[0]
+            truth[measures.time] = (float(x), float(y), math.degrees(heading))
+            if measures.time == 160:
+                robot.finish()
+    animate_poses(read_run(log), lab, target, truth=truth, every=4)
 
 
 def draw_all(run: Path, target: Path) -> None:

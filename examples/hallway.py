@@ -105,7 +105,7 @@ def solve_literally(run_: Drive) -> Filtered:
 
 
 def motion_matrix(way: float) -> FloatArray:
-    """Give p(x | u, x before), shape (170 before, 170 after)."""
+    """Return p(x | u, x before), shape (170 before, 170 after)."""
     # On a circle every row is the first one, rolled.
     first = MOTION.predict(SPACE.point_mass((0.0,)), way)
     cells = np.arange(SPACE.size)
@@ -113,7 +113,7 @@ def motion_matrix(way: float) -> FloatArray:
 
 
 def error(beliefs: FloatArray, truth: FloatArray) -> FloatArray:
-    """Give the expected distance to the truth, the short way round, cm, shape (steps,)."""
+    """Return the expected distance to the truth, the short way round, cm, shape (steps,)."""
     away = np.abs(SPACE.axes[0].difference(CENTRES, truth[:, np.newaxis]))
     return np.asarray((beliefs * away).sum(axis=1))
 

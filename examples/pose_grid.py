@@ -115,7 +115,7 @@ def simulate(seed: int) -> Track:
 
 
 def expected_ranges() -> tuple[FloatArray, FloatArray]:
-    """Give mean and standard deviation of the ranges within each cell, (12, 9, 18, 18), from 125 poses."""
+    """Return mean and standard deviation of the ranges within each cell, (12, 9, 18, 18), from 125 poses."""
     steps = (np.arange(5) + 0.5) / 5 - 0.5
     widths = [axis.cell for axis in SPACE.axes]
     samples = np.stack(np.meshgrid(*(steps * w for w in widths), indexing="ij"), axis=-1).reshape(-1, 3)

@@ -68,7 +68,7 @@ def _take_signals() -> dict[int, Callable[[int, FrameType | None], object] | int
     """Let both signals end the process at once, until the server has handlers of its own."""
     try:
         return {number: signal.signal(number, _leave) for number in (signal.SIGINT, signal.SIGTERM)}
-    except ValueError:  # not in the main thread: whoever runs us there stops us otherwise
+    except ValueError:  # not in the main thread: the caller there stops us otherwise
         return {}
 
 
@@ -99,7 +99,7 @@ def _notifier(*, quiet: bool) -> Callable[[str], None]:
         if not quiet:
             try:
                 print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
-            except OSError:  # whoever read our messages may be gone
+            except OSError:  # the reader of our messages may be gone
                 return
 
     return notify

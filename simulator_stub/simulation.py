@@ -352,7 +352,7 @@ class Simulation:
         return {robot.robot_id: self._measures(robot) for robot in present}
 
     def statuses(self) -> tuple[RobotStatus, ...]:
-        """Say what views are told; between `advance` and `end_cycle`, as states change only then."""
+        """Return what views are told; between `advance` and `end_cycle`, as states change only then."""
         targets = len(self.world.lab.targets)
         return tuple(robot.status(self.time, targets) for robot in self._robots.values())
 
@@ -390,7 +390,7 @@ class Simulation:
         return measures
 
     def readings(self, robot: Robot, *, over: bool = False) -> Measures:
-        """Say what the log holds: the last readings, asked for or not, and the LEDs.
+        """Return what the log holds: the last readings, asked for or not, and the LEDs.
 
         Parameters
         ----------

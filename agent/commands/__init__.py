@@ -66,7 +66,7 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
         Reporter().warn(str(error))
         return 2
     except BrokenPipeError:
-        # Whoever read our output has seen enough; what is still buffered must not complain at exit.
+        # The reader of our output has seen enough; what is still buffered must not fail at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return status

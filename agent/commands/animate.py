@@ -40,7 +40,7 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     """Draw the animation; return the exit status."""
     from agent.offline.anyrun import read_recorded
     from agent.offline.localization import expected_readings_of, localize_run
-    from agent.views.figures.animation import animate_run, check_animation
+    from agent.views.figures.animation import animate_poses, animate_run, check_animation
     from ciberrato.files.truth import read_truth
 
     check_animation(options.output)
@@ -51,7 +51,10 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
         lab = named_lab(options.map, options.run)
     if options.truth is not None:
         poses = read_truth(options.truth)
-    found = localize_run(run, expected_readings_of(run.header, lab))
-    frames = animate_run(run, found.beliefs, lab, options.output, truth=poses, every=options.every)
+    if run.drives_right:
+        found = localize_run(run, expected_readings_of(run.header, lab))
+        frames = animate_run(run, found.beliefs, lab, options.output, truth=poses, every=options.every)
+    else:
+        frames = animate_poses(run, lab, options.output, truth=poses, every=options.every)
     print(f"animation: {options.output}, {frames} frames")
     return 0

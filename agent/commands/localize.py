@@ -87,35 +87,29 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _filter_poses(options: argparse.Namespace, recorded: RecordedRun, lab: Lab) -> int:
-    """Run the pose filter over the log of a drive whose steps are no cells of one row.
-
-    Where the run was told to begin is not in the log: anywhere is taken for possible.
-    """
+    """Run the pose filter over the log of a drive whose steps are no cells of one row."""
     from agent.offline.exit_status import WRONG_MAP
     from agent.offline.map_fit import wrong_map
+    from agent.offline.pose_replay import replay_poses
     from agent.offline.summary import step_table
     from ciberrato.files.beliefs import read_beliefs, write_beliefs
-    from ciberrato.localization.pose_filter import PoseFilter
 
-    if options.preset is not None or options.animate is not None:
-        raise UsageError(
-            f"{options.run} was not driven to the right: --preset and --animate are for such runs"
-        )
-    header = recorded.header
-    precision = header.precision if options.precision is None else options.precision
-    with PoseFilter(lab, header.parameters, header.sensor_angles, wait=True) as localizer:
-        for cycle, (measures, command) in zip(recorded.cycles, recorded.inputs, strict=True):
-            localizer.feed(measures, command)
-            if cycle.step is not None:
-                localizer.live.mark(cycle.time)
-    live = localizer.live
-    write_beliefs(options.output, live.moments.blocks, precision)
+    if options.preset is not None:
+        raise UsageError(f"{options.run} was not driven to the right: --preset is for such runs")
+    precision = recorded.header.precision if options.precision is None else options.precision
+    replay = replay_poses(recorded, lab, lambda _, cycle: cycle.step is not None)
+    write_beliefs(options.output, replay.beliefs, precision)
     if not options.quiet:
         print(step_table(read_beliefs(options.output)[-1].beliefs))
-        print(f"written: {options.output} ({len(live.moments.blocks)} blocks)")
-    if live.doubtful_since is None:
+        print(f"written: {options.output} ({len(replay.beliefs)} blocks)")
+    if options.animate is not None:
+        from agent.views.figures.animation import animate_poses
+
+        frames = animate_poses(recorded, lab, options.animate)
+        Reporter(quiet=options.quiet).say(f"animation: {options.animate}, {frames} frames")
+    if replay.doubtful_since is None:
         return 0
-    Reporter().warn(f"since time {live.doubtful_since} {wrong_map(lab.name)}")
+    Reporter().warn(f"since time {replay.doubtful_since} {wrong_map(lab.name)}")
     return WRONG_MAP
 
 

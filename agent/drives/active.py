@@ -81,7 +81,7 @@ class ActiveDrive:
 
     @property
     def localized(self) -> bool:
-        """Whether the pose is known and has been for a while."""
+        """Return whether the pose is known and has been for a while."""
         return self._mode is _Mode.LOCALIZED
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:

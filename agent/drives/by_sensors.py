@@ -80,6 +80,6 @@ class SensorDrive:
         return off - self._direction * MAX_POWER, off + self._direction * MAX_POWER
 
     def _goes_on(self) -> bool:
-        """Whether the turn in place has gone far enough."""
+        """Return whether the turn in place has gone far enough."""
         ahead = self._bumper.speed > 0.0 and self._turned >= _LEAST_TURN
         return ahead or self._turned >= _MOST_TURN

@@ -188,11 +188,11 @@ def find_stands(
 
 
 def centre(cell: Cell) -> tuple[float, float]:
-    """Give the centre of a cell in units: x, y."""
+    """Return the centre of a cell in units: x, y."""
     return (cell[1] + 0.5) * CELL_SIZE, (cell[0] + 0.5) * CELL_SIZE
 
 
 def turning_cycles(angle: float) -> float:
-    """Say how long a turn in place takes, in radians; none takes nothing."""
+    """Return how long a turn in place takes, in radians; none takes nothing."""
     angle = abs(short_turn(angle))
     return 0.0 if angle < 0.1 else angle / _TURN_RATE + _TURN_OVERHEAD

@@ -121,7 +121,7 @@ class CellDrive:
     # --- every cycle ------------------------------------------------------------------------------------
 
     def observe(self, measures: Measures, pose_filter: GridFilter, last: Command | None) -> None:
-        """Take in a message, whoever decides on the answer.
+        """Take in a message, also where another drive decides on the answer.
 
         Parameters
         ----------
@@ -312,7 +312,7 @@ class CellDrive:
         self._blocked = self._turned = 0
 
     def _follow(self) -> Command | None:
-        """Give the command for the leg that the robot is on; None if something is in the way."""
+        """Return the command for the leg that the robot is on; None if something is in the way."""
         assert self._pose is not None
         x, y, heading = self._pose
         moved = (self._wheels[0] + self._wheels[1]) / 2.0
@@ -379,7 +379,7 @@ class CellDrive:
         return power - rate / 2.0, power + rate / 2.0
 
     def _limit(self, moved: float) -> float:
-        """Give the fastest safe command; what was so near ahead is there still when it leaves the cone."""
+        """Return the fastest safe command; what was so near ahead is there still when it leaves the cone."""
         remembered = self._clear - moved if self._tick < self._clear_until else math.inf
         if self._bumper.ahead > _IN_THE_WAY:
             self._clear_until = self._tick + _REMEMBERED

@@ -19,7 +19,7 @@ _LEAVING = 0.35
 
 
 def is_clear(walls: WallMap, begin: Point, end: Point, clearance: float) -> bool:
-    """Say whether a straight line keeps clear of walls.
+    """Return whether a straight line keeps clear of walls.
 
     Parameters
     ----------

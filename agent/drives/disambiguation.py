@@ -94,7 +94,7 @@ class PredictedReadings:
         self._readings = 1.0 / code_distances() / noise
 
     def __call__(self, x: Floats, y: Floats, heading: Floats) -> tuple[Floats, Floats]:
-        """Give the range of the expected readings at some poses, in standard deviations.
+        """Return the range of the expected readings at some poses, in standard deviations.
 
         Parameters
         ----------
@@ -190,7 +190,7 @@ def _places(
 
 
 def _free(tables: PoseTables, poses: Floats) -> NDArray[np.bool_]:
-    """Say which relative places are free under all hypotheses."""
+    """Return which relative places are free under all hypotheses."""
     ahead, left = _relative()
     clearances = clearance(tables.lattice, *_places(poses, ahead, left))
     here = clearances[:, _RADIUS, _RADIUS][:, np.newaxis, np.newaxis]
@@ -301,7 +301,7 @@ def _apart(foretold: tuple[Floats, Floats]) -> Floats:
 
 
 def _gain(weights: Floats, evidence: Floats) -> Floats:
-    """Give the expected drop of the entropy over hypotheses, in nats; shape (paths,)."""
+    """Return the expected drop of the entropy over hypotheses, in nats; shape (paths,)."""
     left = (weights * np.exp(-evidence)).sum(axis=-1)  # of the sum, if the hypothesis of the row is true
     return np.asarray(-(weights * np.log(left)).sum(axis=-1))
 

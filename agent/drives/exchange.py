@@ -74,11 +74,11 @@ class Exchange:
         return 0 if arrived is None else sum(time >= arrived for time, _ in self._sent)
 
     def is_late(self, measures: Measures) -> bool:
-        """Whether a newer message has come before this one."""
+        """Return whether a newer message has come before this one."""
         return self.time is not None and measures.time < self.time
 
     def is_of_another_run(self, measures: Measures) -> bool:
-        """Whether a message that is late cannot be of this simulation: it has begun again."""
+        """Return whether a message that is late cannot be of this simulation: it has begun again."""
         assert self.time is not None
         return self.time - measures.time > _LONGEST_STEP_BACK or measures.time == 0
 

@@ -81,7 +81,7 @@ class Barred:
         self._headings.clear()
 
     def closed(self, turns: Floats, bumper: Bumper) -> NDArray[np.bool_]:
-        """Say after which turns there is no way to go on.
+        """Return after which turns there is no way to go on.
 
         Parameters
         ----------
@@ -272,5 +272,5 @@ class Roamer:
         return power - turn / 2.0, power + turn / 2.0
 
     def _lost(self, pose_filter: GridFilter) -> bool:
-        """Whether the belief is too wide to forbid anything."""
+        """Return whether the belief is too wide to forbid anything."""
         return pose_filter.belief.states > 20_000

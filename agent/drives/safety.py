@@ -43,7 +43,7 @@ class Bumper:
         self._beside = (0.0, 0.0)
         self._closing = 0.0
         self.bumped = False
-        """Whether the last leg ended in a collision."""
+        """Return whether the last leg ended in a collision."""
 
     def observe(self, infrared: Sequence[float | None]) -> None:
         """Take in the readings of a message; sensors that were not sent keep their last."""
@@ -100,7 +100,7 @@ class Bumper:
         return min(beside, _SLOWEST) if self._closing > _CLOSING else beside
 
     def limit(self, moved: float) -> float:
-        """Give the fastest command from which the robot still stops before what is ahead.
+        """Return the fastest command from which the robot still stops before what is ahead.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class Bumper:
 
     @property
     def open(self) -> bool:
-        """Whether the sensors see nothing near, neither ahead nor beside."""
+        """Return whether the sensors see nothing near, neither ahead nor beside."""
         return self.ahead < _SLOW and max(self.left, self.right) < _SIDE_NEAR and self._closing < _CLOSING
 
     @property

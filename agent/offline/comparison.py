@@ -74,7 +74,7 @@ def compare_beliefs(first: Floats, second: Floats) -> Comparison:
 
 
 def jensen_shannon(p: Floats, q: Floats) -> float:
-    """Give the Jensen-Shannon divergence of two beliefs.
+    """Return the Jensen-Shannon divergence of two beliefs.
 
     Parameters
     ----------

@@ -148,7 +148,7 @@ def compute_expected_readings(
 
 
 def standable_cells(lab: Lab) -> NDArray[np.bool_]:
-    """Tell in which cell centres a robot can stand.
+    """Return in which cell centres a robot can stand.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def standable_cells(lab: Lab) -> NDArray[np.bool_]:
 
 
 def _thickness(wall: Wall) -> float:
-    """Give the smaller side of a wall's bounding box: it is nowhere thicker."""
+    """Return the smaller side of a wall's bounding box: it is nowhere thicker."""
     xs, ys = [x for x, _ in wall.corners], [y for _, y in wall.corners]
     return min(max(xs) - min(xs), max(ys) - min(ys))
 

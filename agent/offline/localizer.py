@@ -124,7 +124,7 @@ def localize(
 
 
 def seed_log_likelihood(reading: Floats, expected: Floats) -> Floats:
-    """Give the published method's log-likelihood of a step in every cell, up to a constant.
+    """Return the published method's log-likelihood of a step in every cell, up to a constant.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def seed_log_likelihood(reading: Floats, expected: Floats) -> Floats:
 def calibrated_log_likelihood(
     reading: Floats, expected: ExpectedReadings, obstacle_noise: float, *, at_start: bool
 ) -> Floats:
-    """Give the exact log-probability of the rounded readings of a step in every cell.
+    """Return the exact log-probability of the rounded readings of a step in every cell.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether the readings of a recorded run fit the lab at all: log evidence against what the model expects.
+"""Compare the readings of a recorded run with the lab: log evidence against what the model expects.
 
 The filter runs on the exact model of `agent.offline.localizer` (`calibrated`), reading by reading. The
 surprise of a reading is the negative natural logarithm of its probability given all before it; the model
@@ -59,7 +59,7 @@ class Fit(NamedTuple):
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether the lab is likely to be another one."""
+        """Return whether the lab is likely to be another one."""
         return self.score > min(max(DOUBT + 0.5 * (self.steps - 4), DOUBT), MOST_DOUBT)
 
 

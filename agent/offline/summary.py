@@ -65,7 +65,7 @@ def cell_name(cell: Cell) -> str:
 
 
 def normalized_entropy(belief: Floats) -> float:
-    """Give the entropy of a belief that rounding may have left with another sum than 1.
+    """Return the entropy of a belief that rounding may have left with another sum than 1.
 
     Parameters
     ----------

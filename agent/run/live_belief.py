@@ -1,4 +1,4 @@
-"""What of a live belief goes into the log, for whoever shows it: cells and modes, as often as they change."""
+"""The part of a live belief that goes into the log, for viewers: cells and modes, as often as they change."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class BeliefLog:
         self._logged: NDArray[np.float64] = np.zeros(rows * columns)
 
     def entries(self, time: int) -> tuple[Cells | None, Modes | None]:
-        """Give what is to be logged in a cycle.
+        """Return what is to be logged in a cycle.
 
         Parameters
         ----------

@@ -230,7 +230,7 @@ class LiveMethod:
         return wrong_map(self._settings.lab_file.name)
 
     def _summary(self, live: LiveFilter) -> list[str]:
-        """Say how the filter kept up, as far as the user would see it."""
+        """Return how the filter kept up, as far as the user would see it."""
         assert self._tables is not None
         assert self._header is not None
         assert self._controller is not None
@@ -243,7 +243,7 @@ class LiveMethod:
         )
 
     def _others(self, probability: float) -> str:
-        """Say what else the pose may be, if it is not certain."""
+        """Return what else the pose may be, if it is not certain."""
         assert self._localizer is not None
         if probability > 0.95:
             return ""

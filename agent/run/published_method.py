@@ -52,7 +52,7 @@ class PublishedMethod:
             self._worker.start()
 
     def announce(self, header: RunHeader) -> None:
-        """Tell the worker with which noise the expected readings are to be worked out."""
+        """Pass on to the worker with which noise the expected readings are to be worked out."""
         assert self._worker is not None
         self._worker.announce(header.parameters)
 

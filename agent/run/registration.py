@@ -74,7 +74,7 @@ def register(
     Raises
     ------
     UsageError
-        If the robot is refused, or nobody answers in time.
+        If the robot is refused, or no simulator answers in time.
     """
     data = encode(registration)
     began = time.monotonic()
@@ -99,7 +99,7 @@ def register(
         try:
             messages = link.receive_waiting()
             watched: int | None = link.fileno()
-        except LinkError:  # nobody is there, or no longer: wait for the next attempt
+        except LinkError:  # no simulator is there, or no longer: wait for the next attempt
             messages, watched = [], None
         answer = _find_answer(messages, registration, place, reporter)
         if answer is not None:

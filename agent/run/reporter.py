@@ -37,6 +37,6 @@ class Reporter:
             self._print(line)
 
     def _print(self, line: str) -> None:
-        # The terminal may be gone, or whoever reads the pipe; the run and its file matter more.
+        # The terminal may be gone, or the reader of the pipe; the run and its file matter more.
         with contextlib.suppress(OSError, ValueError):
             print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)

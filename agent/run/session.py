@@ -131,7 +131,7 @@ class Method(Protocol):
         """Why the run cannot go on, if that is so."""
 
     def report(self, cycle: Cycle) -> None:
-        """Tell the user what is new after a cycle."""
+        """Report to the user what is new after a cycle."""
 
     def finish(self, run: RecordedRun | None, reason: str, stop: Callable[[], None]) -> int:
         """Write the belief file; return the exit status.

@@ -2,7 +2,7 @@
 
 SIGINT, SIGTERM and SIGHUP are taken alike. Until `Interrupts.arm` there is nothing to save: a signal ends
 the process at once, with one line. From then on a signal is only noted and makes `Interrupts.fileno`
-readable, so that whoever waits in `select` wakes up; every further one is noted, too, and otherwise
+readable, so that a `select` on it wakes up; every further one is noted, too, and otherwise
 ignored.
 
 This module is imported before all others and imports next to nothing.
@@ -74,7 +74,7 @@ class Interrupts:
             signal.signal(number, signal.SIG_IGN)
 
     def close(self) -> None:
-        """Give the signals back to whoever had them."""
+        """Restore the signal handlers that were there before."""
         if self._armed:
             if self._former:
                 signal.set_wakeup_fd(self._former_wakeup)

@@ -77,7 +77,7 @@ def show_overlays(
 
 
 def belief_overlay(run: RecordedRun, beliefs: Floats) -> OverlayMessage:
-    """Say what the agent believes since its last step, at the cycle of that step.
+    """Return what the agent believes since its last step, at the cycle of that step.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def belief_overlay(run: RecordedRun, beliefs: Floats) -> OverlayMessage:
 
 
 def live_belief_overlay(run: RecordedRun, cycle: Cycle, lab: Lab) -> OverlayMessage:
-    """Say which cells the live pose filter took for possible in a cycle.
+    """Return which cells the live pose filter took for possible in a cycle.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def live_belief_overlay(run: RecordedRun, cycle: Cycle, lab: Lab) -> OverlayMess
 
 
 def pose_overlay(run: RecordedRun, beliefs: Floats | None) -> OverlayMessage:
-    """Say where the agent takes itself to be after the last cycle of a run.
+    """Return where the agent takes itself to be after the last cycle of a run.
 
     Parameters
     ----------

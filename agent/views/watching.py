@@ -178,7 +178,7 @@ def _peak_line(belief: Floats) -> str:
 
 
 def _pose_line(cycle: Cycle) -> str:
-    """Say where the robot takes itself to be: by the drive's dead reckoning, or by the pose filter."""
+    """Return where the robot takes itself to be: by the drive's dead reckoning, or by the pose filter."""
     if cycle.displacement is not None and cycle.lateral is not None and cycle.heading is not None:
         return f"way {cycle.displacement:.2f}  beside {cycle.lateral:+.2f}  heading {cycle.heading:+.1f}°"
     if cycle.estimate is None:

@@ -103,7 +103,7 @@ def _simulator_rows(recordings: list[Session]) -> Iterator[Finding]:
 
 
 def exception_of(data: bytes) -> str | None:
-    """Tell why a simulator's datagram is not XML, by a parser that is not ours; None where it is."""
+    """Return why a simulator's datagram is not XML, by a parser that is not ours; None where it is."""
     from lxml import etree
 
     text = data.partition(b"\0")[0]
@@ -178,14 +178,14 @@ def _client_rows(recordings: list[Session]) -> Iterator[Finding]:
             if problem:
                 wrong += 1
                 first_wrong = first_wrong or f"{session.name}, {port} port: {problem}"
-        unread += sum(datagram.port == "nobody" for datagram in session.from_clients)
+        unread += sum(datagram.port == "unread" for datagram in session.from_clients)
         for datagram in session.from_clients:
-            if datagram.port == "nobody":
+            if datagram.port == "unread":
                 _survives(datagram)
     special = sum(counter.total() for counter in deliberate.values())
     note = (
         f"{cases - refused - special} are messages, {refused} are refused as the real simulator did,"
-        f" {special} on purpose (listed below); {unread} more went to ports where nobody reads"
+        f" {special} on purpose (listed below); {unread} more went to ports that are not read"
     )
     yield Finding(
         "codec: clients", cases, None, wrong == 0, f"{wrong} wrong, first {first_wrong}" if wrong else note

@@ -71,7 +71,7 @@ def _row(folder: Path) -> Finding:
 
 
 def has_noise(parameters: Parameters) -> bool:
-    """Whether poses or readings (but those of the line sensor) depend on random numbers."""
+    """Return whether poses or readings (but those of the line sensor) depend on random numbers."""
     p = parameters
     return any((p.motors_noise, p.compass_noise, p.obstacle_noise, p.beacon_noise)) or (
         p.gps and p.gps_linear_noise > 0.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-Port = Literal["main", "robot", "view", "panel", "nobody"]
+Port = Literal["main", "robot", "view", "panel", "unread"]
 
 _OUTPUT_MARK = "simulator stdout+stderr"
 
@@ -26,7 +26,7 @@ class Datagram:
         Where it was read, file and line.
     data : bytes
     port : str
-        What the simulator has behind the port it was sent to, or from; "nobody" where it does not read.
+        What the simulator has behind the port it was sent to, or from; "unread" where it does not read.
     """
 
     source: str
@@ -135,16 +135,16 @@ class _Ports:
                     )
 
     def of_simulator_datagram(self, port: int, data: bytes) -> Port:
-        """Tell what is behind a port; a Reply is what opens it."""
+        """Return what is behind a port; a Reply is what opens it."""
         if data.startswith(b"<Reply"):
             self._open.add(port)
-        return self.kinds.get(port, "nobody")
+        return self.kinds.get(port, "unread")
 
     def of_client_datagram(self, port: int, data: bytes) -> Port:
-        """Tell who reads a datagram, as things stand; after a Reset only the main port is left."""
-        kind = self.kinds.get(port, "nobody")
+        """Return who reads a datagram, as things stand; after a Reset only the main port is left."""
+        kind = self.kinds.get(port, "unread")
         if kind != "main" and (kind == "panel" or port not in self._open):
-            return "nobody"
+            return "unread"
         if kind == "view" and re.match(rb"\s*<Reset\s*(/>|>)", data):
             self._open.clear()
         return kind

@@ -138,7 +138,7 @@ def _cycle(simulation: Simulation, row: dict[str, str]) -> tuple[RobotStatus, Me
 
 
 def _texts(status: RobotStatus, measures: Measures) -> dict[str, str]:
-    """Say what the real simulator would have sent; it sends scores without their sign to views."""
+    """Return what the real simulator would have sent; it sends scores without their sign to views."""
     leds = (measures.end_led, measures.returning_led, measures.visiting_led)
     return {
         "x": f"{status.x:g}",

@@ -140,7 +140,7 @@ def _replay(timeline: Timeline, files: Path) -> Replay:
 
 
 def _contrast(theirs: bytes, ours: bytes) -> str:
-    """Tell where two answers differ first."""
+    """Return where two answers differ first."""
     place = next((i for i, (a, b) in enumerate(zip(theirs, ours, strict=False)) if a != b), 0)
     low = max(place - 30, 0)
     return f"theirs ...{theirs[low : place + 40]!r}, ours ...{ours[low : place + 40]!r}"
@@ -172,7 +172,7 @@ def _mask(parameters: Parameters) -> Callable[[bytes], bytes]:
 
 
 def _reason(theirs: bytes, ours: bytes, *, long_name: bool) -> str:
-    """Tell why an answer differs on purpose; empty if it does not."""
+    """Return why an answer differs on purpose; empty if it does not."""
     if b'"nan"' in theirs or b'"-nan"' in theirs:
         return NAN
     named = re.match(rb'<Robot Name="([^"]*)" ', ours)

@@ -20,7 +20,7 @@ def wrap(angle: ArrayLike) -> FloatArray:
 
 
 def wrapped_normal(angle: ArrayLike, sigma: float) -> FloatArray:
-    """Give the density of a normal distribution of mean 0, wound round the circle.
+    """Return the density of a normal distribution of mean 0, wound round the circle.
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ class EvidenceMonitor:
 
     @property
     def alarm(self) -> bool:
-        """Whether the belief has probably lost its place."""
+        """Return whether the belief has probably lost its place."""
         return self.since_restart > self.warm_up and self.deficit > self.threshold
 
     @property
@@ -100,7 +100,7 @@ class EvidenceMonitor:
         return -math.expm1(-self.deficit)
 
     def restarted(self) -> EvidenceMonitor:
-        """Give a monitor that keeps what is normal for the evidence and is silent until warmed up again."""
+        """Return a monitor that keeps what is normal for the evidence and is silent until warmed up again."""
         return replace(self, fast_mean=self.slow_mean, since_restart=0)
 
 

@@ -27,7 +27,7 @@ class ImpossibleReadingError(ValueError):
 
 
 def recover(belief: FloatArray, log_likelihood: FloatArray, policy: ImpossiblePolicy) -> FloatArray:
-    """Give the belief that a policy puts in the place of 0 / 0.
+    """Return the belief that a policy puts in the place of 0 / 0.
 
     Parameters
     ----------

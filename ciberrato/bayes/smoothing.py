@@ -223,7 +223,7 @@ class _Scaled:
         return True
 
     def _sums_are_whole(self, first: int, stop: int) -> bool:
-        """Tell whether predictions have all their digits, and are zero only where nothing leads."""
+        """Return whether predictions have all their digits, and are zero only where nothing leads."""
         if first >= stop or self._predicted[first:stop].min() >= _SAFE_SUM:
             return True
         before = self._filtered[first - 1 : stop - 1]
@@ -345,7 +345,7 @@ class _Columns:
         self._counts = np.diff(columns.indptr)[self._filled]
 
     def best(self, scores: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Give the best score over the states before, and which it is, for each state after."""
+        """Return the best score over the states before, and which it is, for each state after."""
         if self._dense is not None:
             ways = self._dense + scores
             pointer = ways.argmax(axis=1)

@@ -69,7 +69,7 @@ class Axis:
 
     @property
     def centres(self) -> FloatArray:
-        """Cell centres in `unit`, shape (size,), rising."""
+        """Centres of the cells in `unit`, shape (size,), rising."""
         return np.asarray(self.origin + (np.arange(self.size) + 0.5) * self.cell, dtype=np.float64)
 
     @property
@@ -78,14 +78,14 @@ class Axis:
         return np.asarray(self.origin + np.arange(self.size + 1) * self.cell, dtype=np.float64)
 
     def contains(self, values: ArrayLike) -> BoolArray:
-        """Tell which coordinates lie on the axis; all finite ones do where it is periodic."""
+        """Return which coordinates lie on the axis; all finite ones do where it is periodic."""
         values = np.asarray(values, dtype=float)
         if self.periodic:
             return np.asarray(np.isfinite(values))
         return np.asarray((values >= self.origin) & (values < self.origin + self.length))
 
     def index(self, values: ArrayLike) -> IntArray:
-        """Give the cell that holds each coordinate.
+        """Return the cell that holds each coordinate.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class Axis:
         return np.asarray(cells % self.size if self.periodic else np.minimum(cells, self.size - 1))
 
     def difference(self, to: ArrayLike, start: ArrayLike) -> FloatArray:
-        """Give `to - start`, the short way round [-length / 2, length / 2) on a periodic axis."""
+        """Return `to - start`, the short way round [-length / 2, length / 2) on a periodic axis."""
         delta: FloatArray = np.asarray(np.subtract(to, start), dtype=np.float64)
         if not self.periodic:
             return delta
@@ -156,7 +156,7 @@ class StateSpace:
         return math.prod(axis.cell for axis in self.axes)
 
     def position(self, name: str) -> int:
-        """Give the array axis that holds the coordinate called `name`.
+        """Return the array axis that holds the coordinate called `name`.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class StateSpace:
         return names.index(name)
 
     def axis(self, name: str) -> Axis:
-        """Give the axis called `name`; ValueError if there is none."""
+        """Return the axis called `name`; ValueError if there is none."""
         return self.axes[self.position(name)]
 
     def index(self, pose: ArrayLike, *, deg: bool = False) -> IntArray:
@@ -228,12 +228,12 @@ class StateSpace:
         return np.asarray(np.ravel_multi_index(tuple(np.moveaxis(index, -1, 0)), self.shape), dtype=np.intp)
 
     def centres(self) -> FloatArray:
-        """Give every cell's centre, shape (*shape, number of axes)."""
+        """Return the centre of every cell, shape ``(*shape, number of axes)``."""
         grids = np.meshgrid(*(axis.centres for axis in self.axes), indexing="ij")
         return np.stack(grids, axis=-1)
 
     def uniform(self) -> FloatArray:
-        """Give the belief that holds every cell equally likely."""
+        """Return the belief that holds every cell equally likely."""
         return np.full(self.shape, 1.0 / self.size)
 
     def point_mass(self, pose: ArrayLike, *, deg: bool = False) -> FloatArray:

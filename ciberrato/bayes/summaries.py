@@ -32,7 +32,7 @@ def most_likely_cell(belief: ArrayLike) -> tuple[int, ...]:
 
 
 def most_likely_cells(belief: ArrayLike, *, tolerance: float = 1e-9) -> IntArray:
-    """Give all cells that share the greatest probability.
+    """Return all cells that share the greatest probability.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ class Moments(NamedTuple):
 
 
 def moments(belief: ArrayLike, space: StateSpace) -> Moments:
-    """Give mean and covariance over the cell centres, circular on periodic axes.
+    """Return mean and covariance over the cell centres, circular on periodic axes.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def marginal(belief: ArrayLike, space: StateSpace, *names: str) -> FloatArray:
 
 
 def credible_set(belief: ArrayLike, mass: float = 0.95) -> BoolArray:
-    """Give the smallest set of cells that holds at least `mass` of the belief.
+    """Return the smallest set of cells that holds at least `mass` of the belief.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ def check_files(paths: Sequence[str | Path]) -> list[Checked]:
 
 
 def kind_of(data: bytes, source: str) -> str:
-    """Tell what a file is: ``lab``, ``grid``, ``parameters``, or ``unknown``.
+    """Return what a file is: ``lab``, ``grid``, ``parameters``, or ``unknown``.
 
     Raises
     ------

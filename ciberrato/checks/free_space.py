@@ -68,7 +68,7 @@ def solid(lab: Lab) -> Lab:
 
 
 def blocked(walls: WallMap, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-    """Whether points are inside a wall or outside the lab.
+    """Return whether points are inside a wall or outside the lab.
 
     Parameters
     ----------

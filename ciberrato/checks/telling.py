@@ -1,4 +1,4 @@
-"""Tell what was found in the files that a program reads, and refuse them if that was asked for."""
+"""Report what was found in the files that a program reads, and refuse them if that was asked for."""
 
 from __future__ import annotations
 

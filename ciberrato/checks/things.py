@@ -215,7 +215,7 @@ def _outside(lab: Lab, x: float, y: float, margin: float) -> bool:
 
 
 def _inside(wall: Wall, x: float, y: float) -> bool:
-    """Whether a point is inside a polygon, by the even-odd rule."""
+    """Return whether a point is inside a polygon, by the even-odd rule."""
     inside = False
     for (x0, y0), (x1, y1) in zip(wall.corners, (*wall.corners[1:], wall.corners[0]), strict=True):
         if (y0 > y) != (y1 > y) and x < x0 + (y - y0) * (x1 - x0) / (y1 - y0):

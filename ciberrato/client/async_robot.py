@@ -95,7 +95,7 @@ class AsyncRobot(Controls):
                     answer = channel.read_answer(data, registration)
                     if answer is not None:
                         return answer
-            except LinkError:  # nobody is there yet
+            except LinkError:  # no simulator is there yet
                 await asyncio.sleep(attempts.patience(time.monotonic()))
                 continue
             await self._readable(attempts.patience(time.monotonic()))

@@ -33,7 +33,7 @@ class Channel(Protocol):
         Raises
         ------
         SilenceError
-            If nobody answers in time.
+            If no simulator answers in time.
         RefusedError
             If the simulator refuses it.
         """
@@ -86,7 +86,7 @@ class LinkChannel:
                 self.link.register(encode(registration))
             try:
                 data = self.link.receive(attempts.patience(time.monotonic()))
-            except LinkError:  # nobody is there yet
+            except LinkError:  # no simulator is there yet
                 time.sleep(min(0.1, attempts.patience(time.monotonic())))
                 continue
             answer = None if data is None else self.read_answer(data, registration)
@@ -164,11 +164,11 @@ class Attempts:
         self._wait = FIRST_WAIT
 
     def over(self, now: float) -> bool:
-        """Tell whether the time is up."""
+        """Return whether the time is up."""
         return now >= self._end
 
     def due(self, now: float) -> bool:
-        """Tell whether it is time for an attempt, and take it for made."""
+        """Return whether it is time for an attempt, and take it for made."""
         if now < self._next:
             return False
         self._next = now + self._wait
@@ -201,7 +201,7 @@ class SimulationChannel:
     Parameters
     ----------
     simulation : Simulation
-        To which nobody else steps meanwhile.
+        Which no other caller steps meanwhile.
     """
 
     place = "the simulation in this process"

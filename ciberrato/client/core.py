@@ -208,7 +208,7 @@ class RobotCore:
         return actions
 
     def _is_fresh(self, measures: Measures) -> bool:
-        """Tell whether a message is no older than the last one; one of a new run ends this one."""
+        """Return whether a message is no older than the last one; one of a new run ends this one."""
         assert self.acceptance is not None
         if 0 < self.acceptance.parameters.sim_time < measures.time - _LONGEST_STEP_BACK:
             self.stale += 1  # no simulator is there: a corrupted message

@@ -118,7 +118,7 @@ def _missing(files: Sequence[str]) -> list[str]:
 
 
 def _version() -> dict[str, str]:
-    """Say what results depend on."""
+    """Return what results depend on."""
     import numpy as np
 
     digest = hashlib.sha256()

@@ -79,7 +79,7 @@ def compare(results: Sequence[Result], one: str, other: str, fields: Sequence[st
 
 
 def is_slow(results: Sequence[Result]) -> bool:
-    """Whether the runs of a group take long to localize."""
+    """Return whether the runs of a group take long to localize."""
     times = _times(results)
     return quantile(times, 0.5) > SLOW_HALF or quantile(times, 0.9) > SLOW_MOST
 
@@ -142,7 +142,7 @@ def _cycles(value: float) -> str:
 
 
 def _ratio(mine: float, theirs: float) -> str:
-    """Give theirs / mine; an infinite one only if they never get there."""
+    """Return theirs / mine; an infinite one only if they never get there."""
     if math.isinf(mine) and math.isinf(theirs):
         return "-"
     if math.isinf(theirs):

@@ -60,7 +60,7 @@ def tables_of(name: str, angles: tuple[float, ...], resolution: float) -> PoseTa
 
 
 def tables_needed(task: Task) -> list[tuple[str, tuple[float, ...], float]]:
-    """Say which tables a task needs: lab, mounting angles and resolution of each."""
+    """Return which tables a task needs: lab, mounting angles and resolution of each."""
     needed: list[tuple[str, tuple[float, ...], float]] = [(task.lab, _angles(task), task.resolution)]
     if task.staged and task.resolution < COARSE:
         needed.append((task.lab, _angles(task), COARSE))
@@ -133,7 +133,7 @@ def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameter
 
 
 def _over(task: Task, record: Record, finished: str | None) -> bool:
-    """Whether nothing more is to be learnt from a run."""
+    """Return whether nothing more is to be learnt from a run."""
     if finished == "arrived":
         return True
     if task.kidnap:

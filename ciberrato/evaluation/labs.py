@@ -74,14 +74,14 @@ def public_labs(folder: Path) -> list[PublicLab]:
 
 
 def judged_labs(folder: Path) -> list[PublicLab]:
-    """Give the labs on which results are judged."""
+    """Return the labs on which results are judged."""
     labs = public_labs(folder)
     polygons = [lab for lab in labs if not lab.rows]
     return [lab for lab in labs if lab.rows] + polygons[1::2]
 
 
 def tuning_labs(folder: Path) -> list[PublicLab]:
-    """Give the polygon labs on which settings may be tuned; see the module's text for the others."""
+    """Return the polygon labs on which settings may be tuned; see the module's text for the others."""
     polygons = [lab for lab in public_labs(folder) if not lab.rows]
     return polygons[0::4][:2]
 

@@ -94,13 +94,13 @@ class Compared:
         return [step for run in self.runs for step in run]
 
     def figures(self, who: str) -> tuple[float, float, float]:
-        """Give mean probability of the true cell, that at the last steps, and how often it is the best."""
+        """Return mean probability of the true cell, that at the last steps, and how often it is the best."""
         last = [run[-1] for run in self.runs]
         return _mean(self.steps, who, 0), _mean(last, who, 0), _mean(self.steps, who, 1)
 
     @property
     def worse(self) -> bool:
-        """Whether the pose filter falls behind in one of the figures."""
+        """Return whether the pose filter falls behind in one of the figures."""
         pairs = zip(self.figures("published"), self.figures("ours"), strict=True)
         return any(mine < theirs - _SLACK for theirs, mine in pairs)
 

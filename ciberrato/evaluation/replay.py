@@ -255,7 +255,7 @@ def _reading_times(recording: Recording) -> list[int]:
 
 
 def verdict(block: Floats | None, cell: Cell) -> str:
-    """Say in a word whether a block of a belief file is right.
+    """Return in a word whether a block of a belief file is right.
 
     Parameters
     ----------

@@ -127,19 +127,19 @@ def summary(results: Sequence[Result]) -> dict[str, float | tuple[float, float]]
 
 
 def times_to_localize(outcomes: Sequence[Outcome]) -> NDArray[np.float64]:
-    """Give the cycle of the first right claim of each run, infinite where there was none."""
+    """Return the cycle of the first right claim of each run, infinite where there was none."""
     return np.array([math.inf if o.first_right is None else o.first_right for o in outcomes])
 
 
 def quantile(values: NDArray[np.float64], share: float) -> float:
-    """Give a quantile, the higher of two values where it lies between them."""
+    """Return a quantile, the higher of two values where it lies between them."""
     if not len(values):
         return math.nan
     return float(np.quantile(values, share, method="higher"))
 
 
 def wilson_interval(hits: int, cases: int) -> tuple[float, float]:
-    """Give the 95 % interval of a share by Wilson's score, in per cent."""
+    """Return the 95 % interval of a share by Wilson's score, in per cent."""
     if not cases:
         return math.nan, math.nan
     z = NormalDist().inv_cdf(0.975)
@@ -155,7 +155,7 @@ def _share(part: int, whole: int) -> float:
 
 
 def _milliseconds(outcomes: Sequence[Outcome]) -> tuple[float, float]:
-    """Give median and 99 % quantile over all cycles, or the runs' medians where cycles were not counted."""
+    """Return median and 99 % quantile over all cycles, or the runs' medians where cycles were not counted."""
     if not all(o.ms_counts for o in outcomes):
         return (
             float(np.median([o.filter_ms[0] + o.drive_ms[0] for o in outcomes])),

@@ -81,7 +81,7 @@ def reachable(lattice: Lattice, start: Pose) -> NDArray[np.bool_]:
 
 @functools.lru_cache(maxsize=8)
 def _rooms(lattice: Lattice) -> NDArray[np.int64]:
-    """Give the room that each square belongs to, by number; -1 where the robot does not fit."""
+    """Return the room that each square belongs to, by number; -1 where the robot does not fit."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -53,7 +53,7 @@ class _Block:
         return len(self.rows), len(self.rows[0])
 
     def looks_like_prior(self) -> bool:
-        """Tell whether all possible cells are equally likely, and most cells are possible."""
+        """Return whether all possible cells are equally likely, and most cells are possible."""
         values = np.array(self.rows)
         possible = values[values > 0]
         return bool(2 * possible.size > values.size > 1 and np.all(possible == possible[0]))

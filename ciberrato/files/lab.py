@@ -78,7 +78,7 @@ class _Contents:
 
 
 def default_lab() -> Lab:
-    """Give the lab that the real simulator has built in and uses when no file is given."""
+    """Return the lab that the real simulator has built in and uses when no file is given."""
     last = len(_DEFAULT_ROWS) - 1
     walls = [
         wall for row, pattern in enumerate(_DEFAULT_ROWS) for wall in row_walls(pattern, last - row, 4.0)[0]

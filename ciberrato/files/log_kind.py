@@ -11,7 +11,7 @@ GZIP_MAGIC = b"\x1f\x8b"
 
 
 def is_simulator_log(path: Path) -> bool:
-    """Tell whether a file begins like a simulator's log and not like an agent's.
+    """Return whether a file begins like a simulator's log and not like an agent's.
 
     Parameters
     ----------

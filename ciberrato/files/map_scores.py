@@ -57,7 +57,7 @@ _SHIFTS = range(-MOST_SHIFT, MOST_SHIFT + 1)
 
 
 def map_faults(drawn: str) -> list[str]:
-    """Say what is wrong with the layout of a robot's map; it is scored all the same.
+    """Return what is wrong with the layout of a robot's map; it is scored all the same.
 
     Parameters
     ----------

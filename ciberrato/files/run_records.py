@@ -202,7 +202,7 @@ class RecordedRun:
 
     @property
     def drives_right(self) -> bool:
-        """Whether the steps are cells of a row, read looking to the right: what the published method is for.
+        """Return whether the steps are cells of a row with heading right, as the published method needs.
 
         Other drives log no dead reckoning, and only the live pose filter knows where their readings were
         taken.

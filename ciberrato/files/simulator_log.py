@@ -311,7 +311,7 @@ class _LogParser:
             raise self._error(f"LogInfo that begins here: {error}", node) from None
 
     def finish(self) -> bool:
-        """Say whether the log has its end."""
+        """Return whether the log has its end."""
         return self._ended
 
     def _fault(self) -> LabError:

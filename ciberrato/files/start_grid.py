@@ -34,7 +34,7 @@ class GridFile:
 
 
 def default_grid() -> StartGrid:
-    """Give the start grid that the real simulator has built in."""
+    """Return the start grid that the real simulator has built in."""
     return StartGrid(positions=(GridPosition(x=9.0, y=3.0, direction=0.0),))
 
 

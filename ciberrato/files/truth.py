@@ -62,7 +62,7 @@ def read_truth(path: str | os.PathLike[str], *, robot: int | None = None) -> dic
 
 
 def true_cells(poses: Mapping[int, PoseInDegrees], times: Sequence[int]) -> list[Cell | None]:
-    """Tell in which cell the robot really was.
+    """Return in which cell the robot really was.
 
     Parameters
     ----------

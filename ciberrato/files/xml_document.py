@@ -127,7 +127,7 @@ def _entities(data: bytes, source: str, what: str) -> LabError:
 
 
 def _problem(code: int | None, message: str, what: str) -> str:
-    """Say what is wrong, in plain words where the parser's own are not."""
+    """Return what is wrong, in plain words where the parser's own are not."""
     from lxml.etree import ErrorTypes
 
     if mismatch := MISMATCH.search(message):

@@ -42,7 +42,7 @@ class NearbyFaces:
         self._squares: dict[tuple[int, int], tuple[list[float], list[Face], float]] = {}
 
     def around(self, x: float, y: float) -> tuple[list[float], list[Face], float]:
-        """Give the faces around a point.
+        """Return the faces around a point.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class NearbyFaces:
             yield from ((reach, face) for face in self._faces)
 
     def any_within(self, x: float, y: float, radius: float) -> bool:
-        """Whether any face is nearer to a point than a radius.
+        """Return whether any face is nearer to a point than a radius.
 
         Parameters
         ----------

@@ -231,7 +231,7 @@ class DiscPaths:
         return float(self._corners.turn[circle // 2])
 
     def arc_is_free(self, circle: int, begin: float, end: float) -> bool:
-        """Whether the disc can go along the arc of a corner, between two offsets."""
+        """Return whether the disc can go along the arc of a corner, between two offsets."""
         corner = circle // 2
         turn = float(self._corners.turn[corner])
         if circle % 2:

@@ -44,7 +44,7 @@ class ViewLists:
     Attributes
     ----------
     lists : dict of (column, row) to tuple of SeenList
-        For each square that somebody has been in, what can be seen from it, by sector. Sector s begins at s
+        For each square that a robot has been in, what can be seen from it, by sector. Sector s begins at s
         times 45 degrees, counter-clockwise.
     all_faces : tuple of Seen
         All faces, without bounds.

@@ -122,7 +122,7 @@ class WallMap:
         return result.reshape(px.shape)
 
     def touches(self, x: float, y: float, radius: float) -> bool:
-        """Whether a disc overlaps a face. This is the collision rule, for one robot at a time.
+        """Return whether a disc overlaps a face. This is the collision rule, for one robot at a time.
 
         Parameters
         ----------
@@ -137,7 +137,7 @@ class WallMap:
         return radius > self.width or self.nearby.any_within(x, y, radius)
 
     def blocked(self, x0: ArrayLike, y0: ArrayLike, x1: ArrayLike, y1: ArrayLike) -> Booleans:
-        """Whether a wall stands between two points.
+        """Return whether a wall stands between two points.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class WallMap:
     def obstructs(
         self, x0: ArrayLike, y0: ArrayLike, x1: ArrayLike, y1: ArrayLike, radius: float
     ) -> Booleans:
-        """Whether a wall stops a disc that moves straight from one point to another.
+        """Return whether a wall stops a disc that moves straight from one point to another.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class WallMap:
         return stopped.reshape(ends[0].shape)
 
     def point_in_polygons(self, x: ArrayLike, y: ArrayLike) -> Booleans:
-        """Whether points lie inside any wall polygon of the lab, whatever its height, the border excluded.
+        """Return whether points lie inside a wall polygon of any height, without the border.
 
         Parameters
         ----------

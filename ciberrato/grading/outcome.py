@@ -61,7 +61,7 @@ class Outcome:
 
     @property
     def good(self) -> bool:
-        """Whether the agent lived through the run."""
+        """Return whether the agent lived through the run."""
         return self.status in GOOD
 
     def quantities(self) -> dict[str, float]:
@@ -80,7 +80,7 @@ class Outcome:
 def judge(
     document: Mapping[str, Any], *, targets: int, cycle_time: int, folder: Path, reference: Path, scoring: int
 ) -> Outcome:
-    """Say what came of a run.
+    """Return what came of a run.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def _status(document: Mapping[str, Any], run: Mapping[str, Any], robot: Mapping[
 
 
 def exit_words(document: Mapping[str, Any]) -> str:
-    """Say how a process ended: by which signal, with which status; nothing if it did not by itself."""
+    """Return how a process ended: by which signal, with which status; nothing if it did not by itself."""
     if document["signal"]:
         try:
             return f"signal {signal.Signals(document['signal']).name}"

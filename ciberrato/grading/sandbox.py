@@ -71,7 +71,7 @@ def choose(kind: str) -> str:
 
 
 def _why_not() -> str | None:
-    """Say why bubblewrap cannot be used, by using it the very way that a run does."""
+    """Return why bubblewrap cannot be used, by using it exactly as a run does."""
     if sys.platform != "linux" or shutil.which("bwrap") is None:
         return "there is no bwrap here"
     command = around_run(around_agent(["true"], Path("/tmp"), "/tmp", megabytes=1, processes=8, readable=()))

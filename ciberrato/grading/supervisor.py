@@ -244,7 +244,7 @@ class Run:
             self._simulator.wait()
 
     def _document(self, began: float, note: str | None = None) -> dict[str, Any]:
-        """Say what came of it, when all has been ended."""
+        """Return what came of it, when all has been ended."""
         wall = time.monotonic() - began
         over = not self._goes_on()
         status = self._agent.poll() if self._agent is not None else None

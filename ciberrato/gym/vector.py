@@ -101,14 +101,14 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generators of the environments."""
+        """Return the generators of the environments."""
         self._seed([None] * self.num_envs, self._all)
         assert self._generators is not None
         return tuple(self._generators)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """The seeds of the generators."""
+        """Return the seeds of the generators."""
         self._seed([None] * self.num_envs, self._all)
         return tuple(self._seeds)
 

@@ -33,7 +33,7 @@ _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
 @_jit
 def nearest_listed(faces, seen, row, sector, x, y, cosine, sine):
-    """Give the distance of the nearest face in a list; nan if the sensor lies on one.
+    """Return the distance of the nearest face in a list; nan if the sensor lies on one.
 
     It is right if it is not beyond the last bound of the list.
     """
@@ -50,7 +50,7 @@ def nearest_listed(faces, seen, row, sector, x, y, cosine, sine):
 
 @_jit
 def nearest_of_all(faces, x, y, cosine, sine):
-    """Give the distance of the nearest of all faces; nan if the sensor lies on one."""
+    """Return the distance of the nearest of all faces; nan if the sensor lies on one."""
     nearest = math.inf
     for face in range(faces.shape[0]):
         nearest = _nearer(faces, face, nearest, x, y, cosine, sine)

@@ -22,7 +22,7 @@ HALF_APERTURE = math.pi / 6
 
 _COS, _SIN, _TAN = math.cos(HALF_APERTURE), math.sin(HALF_APERTURE), math.tan(HALF_APERTURE)
 _REACHES = (3.0, 9.0)
-"""Units; nine of ten sensors in a maze see a wall within the first. Whoever sees none is asked again."""
+"""Units; nine of ten sensors in a maze see a wall within the first. The others ask again."""
 _BLOCK = 512
 """Sensors worked on at once, in labs with fewer than 8192 faces."""
 _BLOCK_ELEMENTS = 2**22

@@ -2,7 +2,7 @@
 
 The geometry is that of `ciberrato.infrared.cone_pairs`, where it is explained; the faces come nearest first,
 so that the loop ends after a few. No face is skipped that could come nearest, so the result does not depend
-on their order: whoever does the same arithmetic on the same faces gets the same number to the last bit.
+on their order: the same arithmetic on the same faces has the same result to the last bit.
 """
 
 from __future__ import annotations

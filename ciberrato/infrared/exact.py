@@ -44,7 +44,7 @@ def exact_distance(walls: WallMap, x: float, y: float, direction: float, offset:
 
 
 def hangs_on_rounding(distance: float) -> bool:
-    """Whether a distance reads as another value if it is a little greater or smaller."""
+    """Return whether a distance reads as another value if it is a little greater or smaller."""
     tenths = 10.0 / distance if distance > 0.0 else 0.0
     return abs(tenths - math.floor(tenths) - 0.5) < CLOSE
 

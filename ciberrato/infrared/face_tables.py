@@ -156,7 +156,7 @@ def touching(tables: LabTables, x: Floats, y: Floats) -> Booleans:
 
 
 def _overlap(faces: Floats, x: Floats, y: Floats) -> Booleans:
-    """Whether points are nearer than a radius to faces; shapes (n, k, 9) and (n, 1)."""
+    """Return whether points are nearer than a radius to faces; shapes (n, k, 9) and (n, 1)."""
     length, ux, uy = faces[..., 4], faces[..., 7], faces[..., 8]
     dx, dy = x - faces[..., 0], y - faces[..., 1]
     ex, ey = x - faces[..., 5], y - faces[..., 6]

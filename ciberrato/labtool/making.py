@@ -178,7 +178,7 @@ def _places(
 
 
 def _within(place: tuple[float, float], corners: tuple[tuple[float, float], ...]) -> bool:
-    """Whether a point is inside a convex polygon, listed counter-clockwise."""
+    """Return whether a point is inside a convex polygon, listed counter-clockwise."""
     x, y = place
     sides = zip(corners, (*corners[1:], corners[0]), strict=True)
     return all((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0.0 for (x0, y0), (x1, y1) in sides)

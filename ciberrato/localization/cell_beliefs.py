@@ -156,7 +156,7 @@ def _look_up(belief: PoseBelief, x: Floats, y: Floats, heading: Floats) -> Float
 
 
 def _at(moment: _Moment, weight: Floats, lab: Lab) -> PoseEstimate:
-    """Give the pose at a moment by its smoothed weights."""
+    """Return the pose at a moment by its smoothed weights."""
     peak = int(weight.argmax())
     near = np.hypot(moment.x - moment.x[peak], moment.y - moment.y[peak]) <= 0.5
     near &= np.abs(np.remainder(moment.heading - moment.heading[peak] + math.pi, 2 * math.pi) - math.pi) < 0.2

@@ -38,13 +38,13 @@ class Link(Protocol):
     """
 
     refused: bool
-    """Whether the machine has said at the last `register` that nobody listens there (TCP only)."""
+    """Return whether the machine has said at the last `register` that no program listens there (TCP only)."""
 
     def register(self, data: bytes) -> None:
         """Send a registration to the main port.
 
         A simulator that is not there (yet) is no error: nothing will be received. Calling it again is
-        trying again; where somebody has answered already it begins anew, and the old peer is not heard again.
+        trying again; where a peer has answered already it begins anew, and the old peer is not heard again.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class Link(Protocol):
         Raises
         ------
         LinkError
-            If nobody has answered yet, or this machine cannot send at all.
+            If no peer has answered yet, or this machine cannot send at all.
         LinkClosedError
             If the connection is gone (TCP only; UDP cannot tell).
         """

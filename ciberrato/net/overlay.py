@@ -41,7 +41,7 @@ class OverlayClient:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 18)
 
     def send(self, message: OverlayMessage) -> None:
-        """Send a message; lost where nobody listens.
+        """Send a message; lost where no viewer listens.
 
         Parameters
         ----------

@@ -144,7 +144,7 @@ class TcpLink:
         self._socket.setblocking(False)
 
     def _connect(self) -> socket.socket | None:
-        """Open a connection; None if there is nobody."""
+        """Open a connection; None if no program listens there."""
         self.refused = False
         try:
             connection = socket.create_connection(self._main, timeout=_CONNECT_SECONDS)

@@ -28,7 +28,7 @@ class UdpLink:
 
     The simulator answers a registration from a port of its own. From the first answer on the link talks to
     that port only: datagrams from other ports and other machines are dropped. A refused connection (ICMP:
-    nobody there yet, or no longer) is taken as silence.
+    no peer there yet, or no longer) is taken as silence.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class UdpLink:
     def send(self, data: bytes) -> None:
         """Send a message to the port that has answered; see `Link.send`."""
         if self._peer is None:
-            raise LinkError("nobody has answered the registration yet")
+            raise LinkError("no simulator has answered the registration yet")
         self._send(data, self._peer)
 
     def receive(self, timeout: float | None) -> bytes | None:
@@ -157,5 +157,5 @@ def _stamp(notes: list[tuple[int, int, bytes]]) -> float | None:
 
 
 def _same_machine(first: str, second: str) -> bool:
-    """Tell whether two addresses are one machine's: 127.0.0.1 answers for 127.0.1.1 too."""
+    """Return whether two addresses are one machine's: 127.0.0.1 answers for 127.0.1.1 too."""
     return first == second or (first.startswith("127.") and second.startswith("127."))

@@ -25,7 +25,7 @@ _MEASURES = struct.Struct(">11H")
 
 
 def is_binary_registration(data: bytes) -> bool:
-    """Whether a datagram to the main port is one: by its length and its first word."""
+    """Return whether a datagram to the main port is one: by its length and its first word."""
     return len(data) == _REGISTRATION.size and data.startswith(REGISTER.to_bytes(2, "big"))
 
 

@@ -134,7 +134,7 @@ def _print(line: str) -> None:
 def _notifier(*, quiet: bool) -> Callable[[str], None]:
     def notify(line: str) -> None:
         if not quiet:
-            with contextlib.suppress(OSError):  # whoever read our messages may be gone
+            with contextlib.suppress(OSError):  # the reader of our messages may be gone
                 print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
 
     return notify

@@ -23,7 +23,7 @@ class Outbox:
 
     @property
     def full(self) -> bool:
-        """Whether no more answers should be made now."""
+        """Return whether no more answers should be made now."""
         return len(self._replies) >= MOST_REPLIES
 
     def put(self, topic: str, text: str) -> None:

@@ -108,7 +108,7 @@ class Source:
         self.ahead: list[int] = []
 
     def belief_at(self, time: int) -> StoredBelief | None:
-        """Give the belief in effect at a time: the last one that is not later."""
+        """Return the belief in effect at a time: the last one that is not later."""
         index = bisect.bisect_right(self.beliefs, time, key=lambda belief: belief.time)
         return self.beliefs[index - 1] if index else None
 

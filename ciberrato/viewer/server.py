@@ -308,7 +308,7 @@ class Server:
         sock = connection.transport.get_extra_info("socket")
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
         browser = Browser(Outbox(), asyncio.Event(), asyncio.Event())
-        # News are what differs from the news before: nobody may be ahead of them.
+        # News are what differs from the news before: no page may be ahead of them.
         self._hand_out(asyncio.get_running_loop().time())
         for topic, text in self.session.snapshot():
             browser.outbox.put(topic, text)
@@ -397,7 +397,7 @@ def _import_scipy() -> None:
 
 
 def _silent_logger() -> logging.Logger:
-    # Handshakes that fail are the other side's doing; a traceback for each helps nobody.
+    # Handshakes that fail are the other side's doing; a traceback for each is of no use.
     logger = logging.getLogger("ciberrato.viewer.websockets")
     logger.addHandler(logging.NullHandler())
     logger.propagate = False

@@ -196,7 +196,7 @@ class Session:
                 )
 
     def news(self, now: float) -> News:
-        """Say what has changed since the last call."""
+        """Return what has changed since the last call."""
         self._now = now
         return self._changes(self._published)
 

@@ -76,7 +76,7 @@ def read_assets() -> dict[str, tuple[str, bytes]]:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether a host to bind is this machine only."""
+    """Return whether a host to bind is this machine only."""
     if host == "localhost":
         return True
     try:
@@ -125,7 +125,7 @@ class Site:
             host = headers.get("Host", "")
             shown = self._shown_token(parts.query)
         except (ValueError, LookupError):  # LookupError: several Host headers; ValueError: no URL, 9 fields
-            return _refusal(http.HTTPStatus.BAD_REQUEST, "a request that nobody should send")
+            return _refusal(http.HTTPStatus.BAD_REQUEST, "a request that no browser should send")
         if self._token is None and host.lower() not in self._own_hosts:
             return _refusal(http.HTTPStatus.FORBIDDEN, "this viewer is open to this machine only")
         if self._token is not None and not (
@@ -151,7 +151,7 @@ class Site:
             origin = headers.get("Origin", "")
             upgrade = headers.get("Upgrade", "")
         except LookupError:
-            return _refusal(http.HTTPStatus.BAD_REQUEST, "a request that nobody should send")
+            return _refusal(http.HTTPStatus.BAD_REQUEST, "a request that no browser should send")
         if upgrade.lower() != "websocket":
             return _refusal(http.HTTPStatus.UPGRADE_REQUIRED, "a WebSocket", (("Upgrade", "websocket"),))
         if origin.lower() not in (f"http://{host.lower()}", f"https://{host.lower()}"):

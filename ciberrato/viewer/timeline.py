@@ -138,7 +138,7 @@ class Timeline:
 
 
 def _news(before: RobotStatus | None, robot: RobotStatus) -> list[str]:
-    """Tell what happened to a robot since the frame before."""
+    """Return what happened to a robot since the frame before."""
     if before is None:
         return ["joined"]
     kinds = []

@@ -137,7 +137,7 @@ class TargetScores(BatchScores):
 
     @property
     def unvisited(self) -> Integers:
-        """How many targets are not visited yet."""
+        """Return how many targets are not visited yet."""
         return np.asarray((~self.visited).sum(axis=1))
 
     def count(self, plan: BatchPlan, state: BatchState, running: Booleans, told: bool) -> None:
@@ -200,7 +200,7 @@ class TargetScores(BatchScores):
         return np.asarray(self.unvisited < there)
 
     def _below(self, plan: BatchPlan, state: BatchState, worlds: Integers) -> Integers:
-        """First targets that robots are in, -1 for none."""
+        """Return the first targets that robots are in, -1 for none."""
         found = np.empty(worlds.size, np.int64)
         for number, lab in enumerate(plan.labs):
             here = state.lab[worlds] == number

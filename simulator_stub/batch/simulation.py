@@ -134,27 +134,27 @@ class BatchSimulation:
 
     @property
     def worlds(self) -> int:
-        """How many worlds there are."""
+        """Return how many worlds there are."""
         return self._plan.worlds
 
     @property
     def time(self) -> Integers:
-        """Simulated cycles so far in each world, shape (worlds,)."""
+        """Return the simulated cycles so far in each world, shape (worlds,)."""
         return self._state.time.copy()
 
     @property
     def collisions(self) -> Integers:
-        """How many collisions have begun in each world, shape (worlds,)."""
+        """Return how many collisions have begun in each world, shape (worlds,)."""
         return self._state.collisions.copy()
 
     @property
     def is_over(self) -> Booleans:
-        """Where SimTime has been reached, shape (worlds,): robots stand still, their sensors go on."""
+        """Return where SimTime has been reached, shape (worlds,): robots stand still, sensors go on."""
         return self._state.over
 
     @property
     def scores(self) -> BatchScores | None:
-        """States and scores of the robots, to look at only; None if the batch counts none."""
+        """Return states and scores of the robots, to look at only; None if the batch counts none."""
         return self._scores
 
     def poses(self) -> Floats:

@@ -159,7 +159,7 @@ class BatchState(Arrays):
 
     @property
     def over(self) -> Booleans:
-        """Where SimTime has been reached."""
+        """Return where SimTime has been reached."""
         return (self.sim_time > 0) & (self.sim_time <= self.time)
 
     def delay(self, sensor: str, reading: NDArray[Any], robots: Integers | None) -> NDArray[Any]:

@@ -80,7 +80,7 @@ class Results(Observer):
     def _save(self) -> None:
         if self._path is None:
             return
-        # Whoever looks at the file must never see half of it.
+        # A reader of the file must never see half of it.
         draft = self._path.with_name(self._path.name + ".part")
         text = json.dumps({"format": FORMAT, "runs": self.runs}, indent=2) + "\n"
         try:
@@ -91,7 +91,7 @@ class Results(Observer):
 
 
 def outcome(simulation: Simulation) -> dict[str, Any]:
-    """Tell how a run came out, or how it stands.
+    """Return how a run came out, or how it stands.
 
     Parameters
     ----------

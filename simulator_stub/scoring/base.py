@@ -25,17 +25,17 @@ class Scoring:
         Files that the real simulator leaves in its working directory, by name. They appear when a robot
         begins at time 0, and each robot overwrites those of the one before.
     notes : list of str
-        What people may want to know, a line each; whoever tells them takes it out.
+        Notes for the user, a line each; the caller that reports them takes them out.
     """
 
     mode: ClassVar[int]
     """Number on the command line."""
 
     judges_returning: ClassVar[bool] = False
-    """Whether the returning LED changes a robot's state."""
+    """Return whether the returning LED changes a robot's state."""
 
     has_documents: ClassVar[bool] = False
-    """Whether there will be `documents`."""
+    """Return whether there will be `documents`."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -59,7 +59,7 @@ class Scoring:
         """
 
     def may_return(self, robot: Robot) -> bool:
-        """Whether the returning LED, lit now, begins a return; otherwise it ends the robot's run."""
+        """Return whether the returning LED, lit now, begins a return; otherwise it ends the robot's run."""
         return False
 
     def collision_penalty(self, robot: Robot) -> int:

@@ -46,7 +46,7 @@ class CellMap:
                     self._walls.append((cell, step))
 
     def _is_inside(self, cell: Cell) -> bool:
-        """Whether the centre of a cell is in the lab: whoever starts outside would find no end there."""
+        """Return whether the centre of a cell is in the lab: a search from outside would not end."""
         x, y = (CELL_SIZE * (index + 0.5) for index in cell)
         return 0.0 < x < self._lab.width and 0.0 < y < self._lab.height
 

@@ -16,6 +16,6 @@ def cell_of(x: float, y: float) -> Cell:
 
 
 def is_open(walls: WallMap, cell: Cell, step: tuple[int, int]) -> bool:
-    """Whether no wall stands between the centre of a cell and that of its neighbour."""
+    """Return whether no wall stands between the centre of a cell and that of its neighbour."""
     x, y = (cell[0] + 0.5) * CELL_SIZE, (cell[1] + 0.5) * CELL_SIZE
     return not bool(walls.blocked(x, y, x + step[0] * CELL_SIZE, y + step[1] * CELL_SIZE))

@@ -23,7 +23,7 @@ Circuit = tuple[Node, ...]
 
 
 Opening = Callable[[Node, tuple[int, int]], bool]
-"""Whether one can go from a node in a direction (dx, dy)."""
+"""Return whether one can go from a node in a direction (dx, dy)."""
 
 DIRECTIONS = {
     0: (1, 0),
@@ -84,7 +84,7 @@ class CircuitScoring(Scoring):
 
     @abstractmethod
     def follow(self, robot: Robot, progress: Progress) -> None:
-        """Give and take points for where the robot is."""
+        """Add and subtract points for where the robot is."""
 
     def begin(self, robot: Robot) -> None:
         """Find the circuit."""

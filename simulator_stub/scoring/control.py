@@ -29,6 +29,6 @@ class Control(CircuitScoring):
         return trace(cell_of(x, y), TURNS, passes, most=len(DIRECTIONS) * (lab.columns + 1) * (lab.rows + 1))
 
     def follow(self, robot: Robot, progress: Progress) -> None:
-        """Give points in the coming cell; other cells do nothing."""
+        """Add points in the coming cell; other cells do nothing."""
         if cell_of(robot.x, robot.y) == progress.circuit[progress.coming]:
             progress.reach()

@@ -36,7 +36,7 @@ class LineControl(CircuitScoring):
         return trace(_cell(x, y), TURNS, leaves)
 
     def follow(self, robot: Robot, progress: Progress) -> None:
-        """Give points in the coming cell, take some in cells that are not of the circuit at all."""
+        """Add points in the coming cell, subtract some in cells that are not of the circuit at all."""
         cell = _cell(robot.x, robot.y)
         if cell == progress.circuit[progress.coming]:
             progress.reach()

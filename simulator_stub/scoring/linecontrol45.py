@@ -39,7 +39,7 @@ class LineControl45(CircuitScoring):
         return trace((int(2.0 * x + 0.5), int(2.0 * y + 0.5)), TURNS, leaves, MOST_NODES)
 
     def follow(self, robot: Robot, progress: Progress) -> None:
-        """Give points at the coming node, take some out of reach of all nodes.
+        """Add points at the coming node, subtract some out of reach of all nodes.
 
         At a sharp corner the node after the coming one will do.
         """

@@ -20,7 +20,7 @@ OFF = 0.01
 
 
 def cell_notes(lab: Lab, robot: Robot, *, tour: bool = False) -> list[str]:
-    """Say what does not fit the maps of modes 2 and 3, which are of cells between walls.
+    """Return what does not fit the maps of modes 2 and 3, which are of cells between walls.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def cell_notes(lab: Lab, robot: Robot, *, tour: bool = False) -> list[str]:
 
 
 def line_notes(lab: Lab, robot: Robot, *, tour: bool = False) -> list[str]:
-    """Say what does not fit the maps of modes 5 and 6, which are of painted lines; see `cell_notes`."""
+    """Return what does not fit the maps of modes 5 and 6, which are of painted lines; see `cell_notes`."""
     notes = _start_notes(lab, robot, 0.0, "a crossing of the grid of lines")
     if not any(wall.height <= 0.0 for wall in lab.walls):
         notes.append(

@@ -67,7 +67,7 @@ class TargetScoring(Scoring):
         return 0
 
     def may_return(self, robot: Robot) -> bool:
-        """Whether it is inside a target, and has visited all."""
+        """Return whether it is inside a target, and has visited all."""
         return self._all_visited(robot) and self._target_below(robot) is not None
 
     def update(self, robot: Robot, time: int, robots: Sequence[Robot]) -> None:

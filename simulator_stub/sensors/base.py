@@ -64,7 +64,7 @@ class Sensor(ABC):
 
     @property
     def is_present(self) -> bool:
-        """Whether the robot carries it at all; one that is not there can still be asked for."""
+        """Return whether the robot carries it at all; one that is not there can still be asked for."""
         return True
 
     @property

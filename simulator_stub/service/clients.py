@@ -30,7 +30,7 @@ class RobotClient:
     arrived : int
         Messages taken so far.
     commands : int
-        Motor commands among them since whoever counts them set it to 0.
+        Motor commands among them since its reader set it to 0.
     braked, moving : bool
         Whether the last of them stops the robot, though the one before did not; whether it moves it.
     answers : Answers
@@ -119,7 +119,7 @@ class ViewClient:
 
 
 def stands_alone(actions: Actions) -> bool:
-    """Whether a message looks like a robot's whole answer.
+    """Return whether a message looks like a robot's whole answer.
 
     The usual client libraries have one call for the motors, and others for each LED (which command both
     motors to 0), for saying and for requesting. A robot that uses one of the others often follows it up with

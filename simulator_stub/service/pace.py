@@ -19,11 +19,11 @@ Measures.
   answer: what it has not answered yet is then in, and nothing is left over.
 - What comes while a cycle is computed does not answer its Measures.
 - While the simulator does not run (before Start, in a pause, after the end) cycles are also at least
-  CycleTime / speed apart, so that nobody spins. Robots are still waited for, so that the first running cycle
+  CycleTime / speed apart, lest a process spin. Robots are still waited for, so that the first running cycle
   finds their answers to all that came before, but not longer than `IDLE_LIMIT`, as some agents are silent
-  until the start, and not while somebody waits to be registered. When the automatic start is due the
+  until the start, and not while a client waits to be registered. When the automatic start is due the
   cycle that starts comes as soon as all have answered.
-- With nobody to wait for, cycles keep the pace of real time.
+- With no robot to wait for, cycles keep the pace of real time.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ class Lockstep(Pace):
         return self.session.robots[robot_id].answers.counts()
 
     def wait(self, poll: Poll) -> bool:
-        """Wait for the robots' answers, or for the next tick if there is nobody to wait for."""
+        """Wait for the robots' answers, or for the next tick if there is no robot to wait for."""
         self._poll = poll
         if self._known != self.session.robots:
             self._meet()

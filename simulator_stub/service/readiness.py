@@ -13,7 +13,7 @@ Ready = Callable[[], None]
 class Readiness:
     """Sockets under watch, each with a function that is called when it is ready.
 
-    Level-triggered: whoever is called reads as much as it likes, and is called again while something is left.
+    Level-triggered: a handler reads as much as it likes, and is called again while something is left.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Readiness:
         self._poller.unregister(sock)
 
     def wait(self, seconds: float) -> bool:
-        """Wait until something is ready, or time is up; then call whoever is ready.
+        """Wait until something is ready, or time is up; then call the handlers of what is ready.
 
         Parameters
         ----------

@@ -112,18 +112,18 @@ class Session:
         self._grid = encode(simulation.world.grid)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> None:
-        """Take a message of somebody who has not registered; it is looked at in the next cycle."""
+        """Take a message from an address that has not registered; it is looked at in the next cycle."""
         if len(self._registrations) < QUEUE_LIMIT:
             self._registrations.append((newcomer, data))
 
     @property
     def registrations_waiting(self) -> bool:
-        """Whether somebody waits to be registered."""
+        """Return whether a client waits to be registered."""
         return bool(self._registrations)
 
     @property
     def start_is_due(self) -> bool:
-        """Whether enough robots are there for the automatic start, and it has not happened yet."""
+        """Return whether enough robots are there for the automatic start, and it has not happened yet."""
         return 0 < self._autostart <= len(self.robots) and not self._autostarted
 
     def cycle(self) -> None:
@@ -249,7 +249,7 @@ class Session:
         self._complain(f"refused {who}, from {peer.label}")
 
     def _complain(self, line: str) -> None:
-        """Tell people what somebody else did wrong, but not without end."""
+        """Report what a client did wrong, but not without end."""
         self._complaints += 1
         if self._complaints <= COMPLAINT_LIMIT:
             self._notify(line)

@@ -52,7 +52,7 @@ class Floor:
         return self._outlines.get((_square(x), _square(y)), ())
 
     def is_marked(self, x: float, y: float) -> bool:
-        """Whether a point is inside any polygon, by the even-odd rule."""
+        """Return whether a point is inside any polygon, by the even-odd rule."""
         return inside_any(self.around(x, y), x, y)
 
 
@@ -61,7 +61,7 @@ def _square(length: float) -> int:
 
 
 def inside_any(outlines: tuple[Outline, ...], x: float, y: float) -> bool:
-    """Whether a point is inside any of some polygons, by the even-odd rule."""
+    """Return whether a point is inside any of some polygons, by the even-odd rule."""
     for left, right, bottom, top, corners in outlines:
         if left <= x < right and bottom <= y < top and (corners is None or _inside(x, y, corners)):
             return True

@@ -147,7 +147,7 @@ class Robot:
 
     @property
     def collides(self) -> bool:
-        """Whether anything stopped it in the last running cycle."""
+        """Return whether anything stopped it in the last running cycle."""
         return self.touches_wall or self.touches_robot
 
     def visited_mask(self, targets: int) -> str:

@@ -14,7 +14,7 @@ class SimulatorState(Enum):
     """What the simulator as a whole is doing; the value is the word for logs."""
 
     READY = "Ready"
-    """Nobody has registered since the beginning, or since a Reset."""
+    """No robot has registered since the beginning, or since a Reset."""
     STOPPED = "Stopped"
     """Robots stand still; sensors, LEDs and messages work."""
     RUNNING = "Running"
@@ -60,7 +60,7 @@ class SimulatorStateMachine:
 
     @property
     def registrations_open(self) -> bool:
-        """Whether robots may register: always but while running."""
+        """Return whether robots may register: always but while running."""
         return self.current is not SimulatorState.RUNNING
 
     def handle(self, event: SimulatorEvent) -> None:

@@ -120,7 +120,7 @@ def test_the_program_runs(capsys):
 
 @pytest.mark.slow
 def test_the_demo_ends_where_the_readme_says(tmp_path):
-    words = [sys.executable, "-m", "examples.demo", "--folder", str(tmp_path)]
+    words = [sys.executable, "-m", "ciberrato", "demo", "--folder", str(tmp_path)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     (shown,) = re.findall(r"```text\n(lab standard.*?)\n\nin demo/", TEXT, re.DOTALL)

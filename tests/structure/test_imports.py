@@ -51,6 +51,8 @@ APPLICATIONS = {
     "evaluation": {"agent", "simulator_stub"},
     "grading": {"simulator_stub", "viewer"},
     "gym": {"simulator_stub"},
+    "front": {"agent", "simulator_stub", "viewer", "evaluation", "labtool", "grading"},
+    "__main__": {"front"},
 }
 # The rooms of the two processes, likewise; both stand on all of the library.
 AGENT = {

@@ -104,7 +104,7 @@ class RowKalmanFilter:
         return along, lateral, heading
 
     def place(self, pose: Pose, deviations: Vector) -> None:
-        """Say where the robot is, with independent errors of the standard deviations given."""
+        """Return where the robot is, with independent errors of the standard deviations given."""
         self._past.extend([(pose.along, pose.lateral, pose.heading)] * (self._past.maxlen or 1))
         self.covariance = [
             [deviations[row] ** 2 if row == column else 0.0 for column in range(3)] for row in range(3)

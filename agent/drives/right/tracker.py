@@ -113,7 +113,7 @@ class CellTracker:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the robot stands, as far as the commands say."""
+        """Return whether the robot stands, as far as the commands say."""
         return max(abs(self._filter.left), abs(self._filter.right)) < _AT_REST
 
     @property
@@ -134,7 +134,7 @@ class CellTracker:
 
     @property
     def aligned(self) -> bool:
-        """Whether the robot looks to the right, as well as can be told."""
+        """Return whether the robot looks to the right, as well as can be told."""
         if abs(self.pose.heading) > _ALIGNED:
             return False
         return not self._moved or self.deviations[2] < 0.7 * _DEGREE or self._rest > _SETTLED
@@ -251,7 +251,7 @@ class CellTracker:
 
 
 def _role(angle: float) -> int | None:
-    """Tell where a sensor looks: 0 ahead, 1 to the left, -1 to the right, None elsewhere."""
+    """Return where a sensor looks: 0 ahead, 1 to the left, -1 to the right, None elsewhere."""
     turned = math.remainder(angle, 360.0)
     for role, axis in ((0, 0.0), (1, 90.0), (-1, -90.0)):
         if abs(turned - axis) < 0.5:

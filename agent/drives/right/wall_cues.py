@@ -128,7 +128,7 @@ class WallAhead:
 
     @property
     def certain(self) -> bool:
-        """Whether there is a wall to stop for."""
+        """Return whether there is a wall to stop for."""
         return self._evidence > self.SURE
 
     def observe(self, reading: float, pose: Pose, deviations: tuple[float, float, float]) -> None:

@@ -6,19 +6,20 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from agent.offline.pose_replay import replay_poses
 from agent.offline.summary import cell_name, normalized_entropy, peak
 from agent.offline.track import estimated_track
 from agent.views.figures.beliefs import draw_belief, probability_scale, ring_cell
 from agent.views.figures.canvas import LINE_COLOURS, new_figure
 from agent.views.figures.conepoint import nearest_point, sensor_point
 from agent.views.figures.labmaps import draw_cone, draw_robot
-from ciberrato.arrays import Floats
+from ciberrato.arrays import Floats, Integers
 from ciberrato.errors import UsageError
 from ciberrato.files.atomic import replace_file
 from ciberrato.files.run_records import RecordedRun
@@ -27,6 +28,9 @@ from ciberrato.world.coordinates import PoseInDegrees
 from ciberrato.world.lab import CELL_SIZE, Lab
 
 KINDS = (".gif", ".mp4", ".html")
+_Moment: TypeAlias = tuple[str, int | None]
+"""What a belief is called, and the cycle that it is of."""
+_BEFORE: _Moment = ("prior", None)
 
 
 def check_animation(path: Path) -> None:
@@ -96,10 +100,73 @@ def animate_run(
         raise UsageError(
             f"the beliefs are not of the lab {lab.name!r}, which has {lab.rows} x {lab.columns} cells"
         )
-    scene = _Scene(run, beliefs, lab, truth)
+    steps = [-1 if cycle.step is None else cycle.step for cycle in run.cycles]
+    shown = np.maximum.accumulate(steps or [-1]) + 1
+    track = estimated_track(run, beliefs)
+    poses = None if track is None else [(float(x), float(y), float(heading)) for x, y, heading in track]
+    moments = [
+        _BEFORE,
+        *((f"belief of step {step.index} (cycle {step.time})", step.time) for step in run.steps),
+    ]
+    scene = _Scene(run, beliefs, lab, truth, shown, poses, moments)
+    return _save(scene, _frames(run, every), path, frames_per_second)
+
+
+def animate_poses(
+    run: RecordedRun,
+    lab: Lab,
+    path: str | os.PathLike[str],
+    *,
+    truth: Mapping[int, PoseInDegrees] | None = None,
+    every: int = 4,
+    frames_per_second: float = 10.0,
+) -> int:
+    """Draw a run of any drive as an animation, with the belief of the pose filter as it goes on.
+
+    Parameters
+    ----------
+    run, lab, path, truth, every, frames_per_second
+        As for `animate_run`; without the truth the robot is drawn where the filter is certain that it is, if
+        it is.
+
+    Returns
+    -------
+    int
+        Frames.
+
+    Raises
+    ------
+    UsageError
+        If the ending is unknown, ffmpeg is wanted and not there, or the file cannot be written.
+    """
+    path = Path(path)
+    check_animation(path)
+    end = len(run.cycles) - 1
+    frames = sorted({*_frames(run, every), end}) + [end] * 10
+    wanted = set(frames)
+    replay = replay_poses(run, lab, lambda index, _: index in wanted)
+    shown = np.cumsum([index in wanted for index in range(len(run.cycles))])
+    times = (run.cycles[index].time for index in sorted(wanted))
+    moments = [_BEFORE, *((f"belief of cycle {time}", time) for time in times)]
+    scene = _Scene(run, replay.beliefs, lab, truth, shown, replay.poses, moments)
+    return _save(scene, frames, path, frames_per_second)
+
+
+def _frames(run: RecordedRun, every: int) -> list[int]:
+    """Choose the cycles: every so many while it moves, each reading, and a rest at the end."""
+    chosen = {
+        index
+        for index, cycle in enumerate(run.cycles)
+        if cycle.step is not None or (cycle.time % every == 0 and cycle.phase != "holding")
+    }
+    last = max((index for index, cycle in enumerate(run.cycles) if cycle.step is not None), default=0)
+    return sorted(chosen or {0}) + [last] * 10
+
+
+def _save(scene: _Scene, frames: list[int], path: Path, frames_per_second: float) -> int:
+    """Write the animation, whole or not at all; return the number of frames."""
     from matplotlib.animation import FuncAnimation, HTMLWriter, PillowWriter
 
-    frames = scene.frames(every)
     animation = FuncAnimation(
         scene.figure, scene.draw, frames=frames, init_func=list, interval=1000.0 / frames_per_second
     )
@@ -121,11 +188,19 @@ class _Scene:
     """The picture that changes from frame to frame."""
 
     def __init__(
-        self, run: RecordedRun, beliefs: Floats, lab: Lab, truth: Mapping[int, PoseInDegrees] | None
+        self,
+        run: RecordedRun,
+        beliefs: Floats,
+        lab: Lab,
+        truth: Mapping[int, PoseInDegrees] | None,
+        shown: Integers,
+        poses: Sequence[PoseInDegrees | None] | None,
+        moments: Sequence[_Moment],
     ) -> None:
+        # `shown`: which of `beliefs` and `moments` is in effect at each cycle; `poses`: the estimates.
         self._run, self._beliefs, self._truth = run, beliefs, truth
+        self._shown, self._poses, self._moments = shown, poses, moments
         self._walls = WallMap.from_lab(lab)
-        self._track = estimated_track(run, beliefs)
         self.figure = new_figure(10.0, 8.6 * lab.height / lab.width + 0.9)
         self._axis = self.figure.subplots()
         self._image = draw_belief(self._axis, beliefs[0], probability_scale(), lab)
@@ -137,19 +212,6 @@ class _Scene:
         # The layout is worked out once: doing it in every frame takes most of the time.
         self.figure.canvas.draw()
         self.figure.set_layout_engine("none")
-        steps = [cycle.step for cycle in run.cycles]
-        self._step = np.maximum.accumulate([-1 if step is None else step for step in steps] or [-1])
-
-    def frames(self, every: int) -> list[int]:
-        """Choose the cycles: every so many while it moves, each reading, and a rest at the end."""
-        cycles = self._run.cycles
-        chosen = {
-            index
-            for index, cycle in enumerate(cycles)
-            if cycle.step is not None or (cycle.time % every == 0 and cycle.phase != "holding")
-        }
-        last = max((index for index, cycle in enumerate(cycles) if cycle.step is not None), default=0)
-        return sorted(chosen or {0}) + [last] * 10
 
     def draw(self, index: int) -> list[Any]:
         """Draw one cycle."""
@@ -157,7 +219,7 @@ class _Scene:
             artist.remove()
         self._moving = []
         cycle = self._run.cycles[index]
-        belief = self._beliefs[self._step[index] + 1]
+        belief = self._beliefs[self._shown[index]]
         self._image.set_data(belief)
         pose = self._pose(index)
         if pose is not None:
@@ -169,17 +231,14 @@ class _Scene:
     def _pose(self, index: int) -> PoseInDegrees | None:
         if self._truth is not None:
             return self._truth.get(self._run.cycles[index].time)
-        if self._track is None:
-            return None
-        x, y, heading = self._track[index]
-        return float(x), float(y), float(heading)
+        return None if self._poses is None else self._poses[index]
 
     def _ring_truth(self, index: int) -> None:
         """Ring the true cell at the moment of the belief: the robot is on its way from there."""
-        step = int(self._step[index])
-        if self._truth is None or step < 0:
+        time = self._moments[self._shown[index]][1]
+        if self._truth is None or time is None:
             return
-        pose = self._truth.get(self._run.steps[step].time)
+        pose = self._truth.get(time)
         if pose is not None:
             self._moving += ring_cell(self._axis, (int(pose[1] // CELL_SIZE), int(pose[0] // CELL_SIZE)))
 
@@ -196,9 +255,7 @@ class _Scene:
             self._moving += self._axis.plot(*point, "o", color=colour, markersize=5, zorder=9)
 
     def _text(self, index: int, belief: Floats) -> str:
-        step = int(self._step[index])
-        at = "" if step < 0 else f" (cycle {self._run.steps[step].time})"
-        name = f"{'prior' if step < 0 else f'belief of step {step}{at}':30}"
+        name = f"{self._moments[self._shown[index]][0]:30}"
         if np.isnan(belief).any():
             return f"{name} undefined"
         best = peak(belief)

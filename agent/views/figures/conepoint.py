@@ -19,7 +19,7 @@ _TOLERANCE = 1e-9
 
 
 def sensor_point(x: float, y: float, direction: float) -> Point:
-    """Give the place of a sensor on the robot's rim.
+    """Return the place of a sensor on the robot's rim.
 
     Parameters
     ----------

@@ -212,7 +212,7 @@ def _kinds(
 
 
 def _leaving(i: IntArray, j: IntArray, ux: FloatArray, uy: FloatArray, rows: int, columns: int) -> BoolArray:
-    """Tell which rays are off the grid and can never come back to it."""
+    """Return which rays are off the grid and can never come back to it."""
     return np.asarray(
         ((i < 0) & (ux <= 0.0))
         | ((i >= rows) & (ux >= 0.0))
@@ -222,7 +222,7 @@ def _leaving(i: IntArray, j: IntArray, ux: FloatArray, uy: FloatArray, rows: int
 
 
 def _clearance(occupied: BoolArray) -> IntArray:
-    """Give how many cells off the nearest full one is, diagonally counted as 1; 0 in a full cell, shape + 2.
+    """Return the distance in cells to the nearest full one, diagonals as 1; 0 in a full cell, shape + 2.
 
     The margin of one cell around the grid has 1: rays off the grid go one cell at a time.
     """

@@ -79,7 +79,7 @@ class Openings:
         )
 
     def ahead(self, direction: Direction) -> BoolArray:
-        """Tell for each cell, shape (rows, columns), whether a step in a direction is possible; read-only."""
+        """Return where a step in a direction is possible, shape (rows, columns), read-only."""
         return self._ahead[direction]
 
     def _look(self, direction: Direction) -> BoolArray:

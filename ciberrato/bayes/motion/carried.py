@@ -49,7 +49,7 @@ class Carried:
         return belief
 
     def centres(self) -> FloatArray:
-        """Give the poses that the cells stand for now, (*shape, 3): where sensors should be asked.
+        """Return the poses that the cells stand for now, (*shape, 3): where sensors should be asked.
 
         They are less than half a cell from the cells' own centres; headings may leave the axis by as much.
         """
@@ -59,7 +59,7 @@ class Carried:
         return poses
 
     def mean(self, belief: ArrayLike) -> FloatArray:
-        """Give the mean pose, (3,), of a belief with mass; the heading's is circular, in [-pi, pi]."""
+        """Return the mean pose, (3,), of a belief with mass; the heading's is circular, in [-pi, pi]."""
         weights = np.asarray(belief, dtype=float).ravel()
         poses = self.centres().reshape(-1, 3)
         place = weights @ poses[:, :2] / weights.sum()

@@ -38,7 +38,7 @@ class Displacements(NamedTuple):
     area: FloatArray
 
     def take(self, chosen: ArrayLike) -> Displacements:
-        """Give those of the indices or the mask."""
+        """Return those of the indices or the mask."""
         rows = np.asarray(chosen)
         cells, distance, direction, inverse_distance, area = (field[rows] for field in self)
         return Displacements(cells, distance, direction, inverse_distance, area)

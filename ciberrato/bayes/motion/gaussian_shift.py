@@ -51,7 +51,7 @@ class GaussianShift:
             )
 
     def kernel(self, control: float) -> Kernel:
-        """Give the distribution of a displacement, with what was cut off or spread too far."""
+        """Return the distribution of a displacement, with what was cut off or spread too far."""
         return gaussian_kernel(self._cells(control), (self.sigma / self.cell) ** 2, tail=self.tail)
 
     def predict(self, belief: ArrayLike, control: float) -> FloatArray:

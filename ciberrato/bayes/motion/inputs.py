@@ -16,7 +16,7 @@ from ciberrato.bayes.arraytypes import FloatArray
 
 
 def whole_number(value: Any, what: str) -> int:
-    """Give a number as an int; ValueError unless it is whole."""
+    """Return a number as an int; ValueError unless it is whole."""
     if type(value) is int:
         return value
     try:
@@ -29,7 +29,7 @@ def whole_number(value: Any, what: str) -> int:
 
 
 def whole_numbers(values: Any, what: str) -> tuple[int, ...]:
-    """Give one number, or several, as a tuple of ints; ValueError unless all are whole."""
+    """Return one number, or several, as a tuple of ints; ValueError unless all are whole."""
     if isinstance(values, np.ndarray):
         values = values.tolist()
     if isinstance(values, Iterable) and not isinstance(values, str):
@@ -38,7 +38,7 @@ def whole_numbers(values: Any, what: str) -> tuple[int, ...]:
 
 
 def as_command(control: Any) -> Any:
-    """Give a command as a key: lists and arrays as tuples, numpy numbers as Python's."""
+    """Return a command as a key: lists and arrays as tuples, numpy numbers as Python's."""
     if isinstance(control, np.ndarray | np.generic):
         control = control.tolist()
     if isinstance(control, list | tuple):
@@ -47,7 +47,7 @@ def as_command(control: Any) -> Any:
 
 
 def look_up(table: Mapping[Any, Any], control: Any, what: str) -> Any:
-    """Give the entry of a command, as a key of `as_command`; ValueError if there is none."""
+    """Return the entry of a command, as a key of `as_command`; ValueError if there is none."""
     command = as_command(control)
     try:
         if command in table:
@@ -59,7 +59,7 @@ def look_up(table: Mapping[Any, Any], control: Any, what: str) -> Any:
 
 
 def check_belief(belief: ArrayLike, shape: Sequence[int] | None = None) -> FloatArray:
-    """Give a belief as an array; ValueError if it has another shape, or an entry that is no probability."""
+    """Return a belief as an array; ValueError if it has another shape, or an entry that is no probability."""
     values: FloatArray = np.asarray(belief, dtype=float)
     if shape is not None and values.shape != tuple(shape):
         raise ValueError(f"belief has shape {values.shape}, the space {tuple(shape)}")

@@ -50,7 +50,7 @@ class LatticeKernels(NamedTuple):
     weights: FloatArray
 
     def moments(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Give the mean, (count, 2), and covariance, (count, 2, 2), of the first `count` kernels."""
+        """Return the mean, (count, 2), and covariance, (count, 2, 2), of the first `count` kernels."""
         mean = np.stack(
             [np.bincount(self.kernel, self.weights * self.cells[:, a], count) for a in (0, 1)], axis=1
         )
@@ -109,7 +109,7 @@ def lattice_kernels(
 def _by_vectors(
     some: IntArray, mean: FloatArray, covariance: FloatArray
 ) -> tuple[BoolArray, tuple[IntArray, IntArray, FloatArray]]:
-    """Give which kernels three vectors can hold, and of these the kernel, cells and weight of each entry."""
+    """Return the kernels that three vectors can hold, with the kernel, cells and weight of each entry."""
     nearest = np.rint(mean)
     rest = mean - nearest
     vectors, sizes, slants = _vectors(covariance + rest[:, :, np.newaxis] * rest[:, np.newaxis, :], rest)
@@ -123,7 +123,7 @@ def _by_vectors(
 
 
 def _vectors(moment: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Give three whole vectors, (n, 3, 2), with lambda and g of each, (n, 3): of Selling's bases the best.
+    """Return three whole vectors, (n, 3, 2), with lambda and g of each, (n, 3): of Selling's bases the best.
 
     Base and vectors are each other's turned by a quarter; the slanting one at first lies as the moment does.
     """
@@ -157,7 +157,7 @@ def _vectors(moment: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArr
 def _raised(
     vectors: FloatArray, sizes: FloatArray, mean: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Give the variance that bases must add, (n,), their lambdas with that, and their g, (n, 3)."""
+    """Return the variance that bases must add, (n,), their lambdas with that, and their g, (n, 3)."""
     first, second = vectors[:, 0], vectors[:, 1]
     whole = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]  # 1 or -1
     start = np.zeros(sizes.shape)

@@ -197,7 +197,7 @@ class GaussianOdometry:
             )
 
     def kernel_mass(self, control: OdometryReading) -> FloatArray:
-        """Give the density's sum over an unbounded grid for each heading before, (headings,); ideally 1.
+        """Return the density's sum over an unbounded grid for each heading before, (headings,); ideally 1.
 
         1 without a density.
         """
@@ -242,7 +242,7 @@ class GaussianOdometry:
     def _factors(
         self, steps: Displacements, control: OdometryReading
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
-        """Give B and C, (displacements, headings), and A for both ways, (displacements,)."""
+        """Return B and C, (displacements, headings), and A for both ways, (displacements,)."""
         rot1, trans, rot2 = self.noise.sigmas(control)
         direction = steps.direction[:, np.newaxis]
         before = wrapped_normal(direction - (self._headings + control.rot1), rot1)
@@ -357,7 +357,7 @@ class GaussianOdometry:
 
 
 def _finest_turn(noise: OdometryNoise) -> float:
-    """Give the least standard deviation that the first turn can have; a degree if nothing bounds it."""
+    """Return the least standard deviation that the first turn can have; a degree if nothing bounds it."""
     return max(noise.rotation, math.radians(1.0))
 
 

@@ -34,7 +34,7 @@ class OdometryReading:
 
     @classmethod
     def between(cls, before: ArrayLike, after: ArrayLike, *, threshold: float = 1e-3) -> OdometryReading:
-        """Give the motion between two odometry poses (x, y, heading): table 5.5, lines 2 to 4.
+        """Return the motion between two odometry poses (x, y, heading): table 5.5, lines 2 to 4.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class OdometryReading:
         return cls(rot1=rot1, trans=trans, rot2=float(wrap(turn - rot1)))
 
     def turns_made(self) -> tuple[float, float]:
-        """Give the turns before and after the drive that the robot makes, radians.
+        """Return the turns before and after the drive that the robot makes, radians.
 
         Driving backward is read as half a turn, a drive, and half a turn back. Where the first turn is more
         than a quarter, the robot is taken to have driven backward: half a turn is left out of both.
@@ -100,7 +100,7 @@ class OdometryNoise:
                 raise ValueError(f"{name} must be finite and 0 or more, not {getattr(self, name)}")
 
     def sigmas(self, reading: OdometryReading) -> tuple[float, float, float]:
-        """Give the standard deviations of rot1, trans and rot2, 0 or more; ValueError for nan or infinity."""
+        """Return the standard deviations of rot1, trans and rot2; ValueError if not finite."""
         if not all(math.isfinite(v) for v in (reading.rot1, reading.trans, reading.rot2)):
             raise ValueError(f"an odometry reading must be finite, not {reading}")
         drive = reading.trans * reading.trans

@@ -56,7 +56,7 @@ class OmnidirectionalReading:
 
     @classmethod
     def between(cls, before: ArrayLike, after: ArrayLike) -> OmnidirectionalReading:
-        """Give the motion between two odometry poses (x, y, heading); ValueError if they are not finite."""
+        """Return the motion between two odometry poses (x, y, heading); ValueError if they are not finite."""
         x0, y0, heading0 = (float(v) for v in np.asarray(before))
         x1, y1, heading1 = (float(v) for v in np.asarray(after))
         if not math.isfinite(x0 + y0 + heading0 + x1 + y1 + heading1):
@@ -101,7 +101,7 @@ class OmnidirectionalNoise:
                 raise ValueError(f"{name} must be finite and 0 or more, not {getattr(self, name)}")
 
     def sigmas(self, reading: OmnidirectionalReading) -> tuple[float, float, float]:
-        """Give the standard deviations of the turn, along and across the drive; ValueError if not finite."""
+        """Return the standard deviations of turn, along and across the drive; ValueError if not finite."""
         if not all(math.isfinite(v) for v in (reading.forward, reading.left, reading.turn)):
             raise ValueError(f"an odometry reading must be finite, not {reading}")
         way, turn = (
@@ -197,7 +197,7 @@ class OmnidirectionalOdometry:
         return np.ascontiguousarray(np.moveaxis(images, 0, 2)), PoseCarry(turn, offset * cells)
 
     def _drives(self, control: OmnidirectionalReading, turned: float) -> tuple[float, FloatArray, FloatArray]:
-        """Give sigma of the turn, and of each heading's drive mean, (n, 2), and covariance in cells."""
+        """Return sigma of the turn, and of each heading's drive mean, (n, 2), and covariance in cells."""
         turn_sigma, along, across = self.noise.sigmas(control)
         way = math.hypot(control.forward, control.left)
         check_motion(self.space, [way], [control.turn], [along, across])

@@ -100,7 +100,7 @@ def check_motion(
 
 
 def turn_matrix(size: int, turn: float, sigma: float, *, before: int = 1, after: int = 1) -> FloatArray:
-    """Give p(heading after | heading before), with the exact mean, and the exact spread if cells can have it.
+    """Return p(heading after | heading before), with exact mean, and exact spread if cells can have it.
 
     Parameters
     ----------
@@ -128,19 +128,19 @@ def turn_matrix(size: int, turn: float, sigma: float, *, before: int = 1, after:
 
 @lru_cache(maxsize=16)
 def _turned(size: int, parts: int) -> IntArray:
-    """Give [k, i]: the part of a cell that k cells' turn brings to part i, (size, size * parts)."""
+    """Return [k, i]: the part of a cell that k cells' turn brings to part i, (size, size * parts)."""
     return (np.arange(size * parts) - parts * np.arange(size)[:, np.newaxis]) % (size * parts)
 
 
 def spread(sigma: float) -> tuple[IntArray, FloatArray]:
-    """Give whole steps of mean 0 and a standard deviation in steps, and their probabilities."""
+    """Return whole steps of mean 0 and a standard deviation in steps, and their probabilities."""
     kernel = gaussian_kernel(0.0, sigma * sigma)
     held = kernel.weights > 0.0
     return (kernel.first + np.arange(len(kernel.weights)))[held], kernel.weights[held]
 
 
 def directions_per_heading(space: StateSpace, way: float, final_sigma: float) -> int:
-    """Give the number of directions that a heading cell needs, so that ways do not fan out in rays.
+    """Return the number of directions that a heading cell needs, so that ways do not fan out in rays.
 
     One, unless heading cells are far apart at the end of the way. Several need a final turn whose noise
     covers the difference, which is half a heading cell of it.
@@ -155,7 +155,7 @@ def directions_per_heading(space: StateSpace, way: float, final_sigma: float) ->
 def ways(
     space: StateSpace, direction: FloatArray, way: ArrayLike, sigma: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Give mean, (n, 2), and covariance, (n, 2, 2), in cells, of ways driven along directions."""
+    """Return mean, (n, 2), and covariance, (n, 2, 2), in cells, of ways driven along directions."""
     along = np.stack([np.cos(direction) / space.axes[0].cell, np.sin(direction) / space.axes[1].cell], axis=1)
     length, deviation = (np.asarray(v, dtype=float).reshape(-1, 1) for v in (way, sigma))
     spread_along = along * deviation
@@ -163,7 +163,7 @@ def ways(
 
 
 def reach(space: StateSpace) -> tuple[int, int]:
-    """Give the greatest displacement on the grid, in cells."""
+    """Return the greatest displacement on the grid, in cells."""
     return space.shape[0] - 1, space.shape[1] - 1
 
 

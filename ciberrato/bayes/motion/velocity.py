@@ -102,7 +102,7 @@ class VelocityNoise:
                 raise ValueError(f"{name} must be finite and 0 or more, not {getattr(self, name)}")
 
     def sigmas(self, command: VelocityCommand) -> tuple[float, float, float]:
-        """Give the standard deviations of the way, the turn and the final turn, 0 or more.
+        """Return the standard deviations of the way, the turn and the final turn, 0 or more.
 
         Raises
         ------
@@ -231,7 +231,7 @@ class VelocityMotion:
     def _turns(
         self, control: VelocityCommand, sigma: float, parts: int, turned: float
     ) -> tuple[IntArray, FloatArray, float, FloatArray]:
-        """Give turns in parts of a heading cell, their probabilities, what is left over, and their radians.
+        """Return turns in parts of a heading cell, their probabilities, what is left over, and their radians.
 
         The turn left over is added to all; `turned` is what was left over before.
         """
@@ -248,7 +248,7 @@ class VelocityMotion:
         return ways(self.space, heading + 0.5 * turn, way * chord, sigma * np.abs(chord))
 
     def kernel(self, control: VelocityCommand) -> tuple[IntArray, FloatArray]:
-        """Give displacements, (n, 2) cells, and the density, (n, headings before, headings after).
+        """Return displacements, (n, 2) cells, and the density, (n, headings before, headings after).
 
         ValueError where the noise is finer than 0.6 cells.
         """

@@ -97,7 +97,7 @@ class DifferentialWheels:
             raise ValueError(f"the free cells have shape {self.free.shape}, the space {self.space.shape[:2]}")
 
     def at_rest(self) -> WheelCarry:
-        """Give the carry of a robot that stands still, its cells at their own centres."""
+        """Return the carry of a robot that stands still, its cells at their own centres."""
         return WheelCarry(0.0, 0.0, 0.0, np.zeros((self.space.shape[2], 2)))
 
     def predict(

@@ -52,7 +52,7 @@ class DiscreteSensor:
             )
 
     def log_likelihood(self, reading: Hashable) -> FloatArray:
-        """Give log P(reading | state), the belief's shape; ValueError for an unknown symbol."""
+        """Return log P(reading | state), the belief's shape; ValueError for an unknown symbol."""
         if reading not in self.probabilities:
             raise ValueError(f"no symbol {reading!r}; there are {', '.join(map(repr, self.probabilities))}")
         with np.errstate(divide="ignore"):
@@ -90,7 +90,7 @@ class DoorDetector:
             raise ValueError(f"need 0 <= false alarm < seen <= 1, not {self.false_alarm}, {self.seen}")
 
     def log_likelihood(self, reading: bool, axis: Axis, places: ArrayLike | None = None) -> FloatArray:
-        """Give log P(reading | place).
+        """Return log P(reading | place).
 
         Parameters
         ----------

@@ -46,7 +46,7 @@ _SCALED_ERFC = np.array(
 
 
 def log_upper_tail(x: ArrayLike) -> FloatArray:
-    """Give log P(X > x) for a standard normal X, any shape.
+    """Return log P(X > x) for a standard normal X, any shape.
 
     Relative error of the logarithm below 1e-14 for x >= 0, absolute error below 1e-15 for x < 0. -inf at
     +inf.
@@ -62,7 +62,7 @@ def log_upper_tail(x: ArrayLike) -> FloatArray:
 
 
 def log_interval(low: ArrayLike, high: ArrayLike) -> FloatArray:
-    """Give log P(low <= X < high) for a standard normal X.
+    """Return log P(low <= X < high) for a standard normal X.
 
     Parameters
     ----------

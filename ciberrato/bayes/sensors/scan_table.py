@@ -101,7 +101,7 @@ class ScanTable:
     def log_likelihood(
         self, scan: ArrayLike, beam: BeamLogLikelihood, *, weight: float = 1.0
     ) -> NDArray[np.float32]:
-        """Give the log likelihood of a scan for every state.
+        """Return the log likelihood of a scan for every state.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
-"""Whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
+"""Return whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
 
 Nothing is loaded by itself: importing numba takes half a second, and what it has to compile the first time
-many. `load` is called where that delays nobody: before a robot registers if the machine code is `at_hand`,
+many. `load` is called where that delays no answer: before a robot registers if the machine code is `at_hand`,
 else in a thread after another process has compiled; and before an evaluation.
 As a program this module leaves the machine code in numba's cache: compiling takes many seconds, reading it a
 tenth of one. ``CIBERRATO_COMPILED`` is ``auto`` (the default: if numba is there), ``on`` or ``off``.
@@ -27,7 +27,7 @@ _active: ModuleType | None = None
 
 
 def choice() -> str:
-    """Give what the environment asks for.
+    """Return what the environment asks for.
 
     Returns
     -------
@@ -47,12 +47,12 @@ def choice() -> str:
 
 
 def available() -> bool:
-    """Whether numba is installed."""
+    """Return whether numba is installed."""
     return importlib.util.find_spec("numba") is not None
 
 
 def at_hand() -> bool:
-    """Whether `load` would take half a second at the most, as all is in numba's cache beside the source."""
+    """Return whether `load` takes at most half a second: all is in numba's cache beside the source."""
     if choice() == "off" or not available():
         return False
     source = Path(__file__).with_name("kernels.py")
@@ -62,7 +62,7 @@ def at_hand() -> bool:
 
 
 def kernels() -> ModuleType | None:
-    """Give the compiled loops if they are loaded and in use."""
+    """Return the compiled loops if they are loaded and in use."""
     return _active
 
 

@@ -45,11 +45,11 @@ class PoseEstimate:
 
     @property
     def certain(self) -> bool:
-        """Whether the pose counts as known."""
+        """Return whether the pose counts as known."""
         return self.probability > CERTAIN
 
     def moved_to(self, x: float, y: float, heading: float) -> PoseEstimate:
-        """Give an estimate of another pose, with the same probability; the heading within ±π."""
+        """Return an estimate of another pose, with the same probability; the heading within ±π."""
         return PoseEstimate(x=x, y=y, heading=heading, probability=self.probability, cell=cell_at(x, y))
 
 

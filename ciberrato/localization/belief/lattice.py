@@ -82,7 +82,7 @@ class Lattice:
         return self._padded[0]
 
     def scratch(self, bins: int) -> Floats:
-        """Give room for a number a state, which whoever uses it leaves filled with zeros.
+        """Return room for a number a state, which its users leave filled with zeros.
 
         One for all beliefs on the lattice: fresh memory has to be got from the system page by page, which
         takes longer than what it is needed for.
@@ -102,7 +102,7 @@ class Lattice:
         return known
 
     def move_table(self, reach: int) -> Indices:
-        """Give `neighbours` for all shifts within a reach, row by row from the lower left.
+        """Return `neighbours` for all shifts within a reach, row by row from the lower left.
 
         Parameters
         ----------
@@ -120,7 +120,7 @@ class Lattice:
         return known
 
     def neighbours(self, dx: int, dy: int) -> Indices:
-        """Say which square lies so many nodes to the right of and above each; `size` if it is not free.
+        """Return which square lies so many nodes to the right of and above each; `size` if it is not free.
 
         Parameters
         ----------

@@ -127,7 +127,7 @@ class PoseBelief:
         return bins, squares, self.dense[bins, squares].astype(np.float64)
 
     def places(self, bins: Indices, squares: Indices) -> tuple[Floats, Floats]:
-        """Give the x and y at which states are, their bins' offsets included, in units."""
+        """Return the x and y at which states are, their bins' offsets included, in units."""
         return (
             self.lattice.x[squares] + self.offset[bins, 0],
             self.lattice.y[squares] + self.offset[bins, 1],
@@ -166,7 +166,7 @@ class PoseBelief:
         return total
 
     def prune(self) -> None:
-        """Give up what is too unlikely to matter; turn to the list when few states are left."""
+        """Drop what is too unlikely to matter; turn to the list when few states are left."""
         if self.dense is not None:
             least = np.float32(self.prune_weight / self.states)
             kept = self.dense > least
@@ -328,7 +328,7 @@ class PoseBelief:
         self._merge(parts)
 
     def _row_change(self, step: int) -> Indices:
-        """Say by how many squares a state moves that changes to the next bin, whose offset differs."""
+        """Return by how many squares a state moves that changes to the next bin, whose offset differs."""
         difference = (self.offset - np.roll(self.offset, -step, axis=0)) / self.lattice.resolution
         squares = np.round(np.round(difference, 9)).astype(np.int64)
         return _code(squares[:, 0], squares[:, 1])

@@ -59,7 +59,7 @@ def hiding_walls(lab: Lab, height: float) -> WallMap:
 
 
 def visible(lab: Lab, beacon: Beacon, x: Floats, y: Floats) -> NDArray[np.bool_]:
-    """Say from which places a beacon can be seen.
+    """Return from which places a beacon can be seen.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ class BeaconSense:
         return np.asarray(1.0 / (1.0 + np.exp(np.clip(beyond, -50.0, 50.0))))
 
     def score(self, poses: Floats, readings: tuple[BeaconReading, ...]) -> Floats:
-        """Say how well poses explain readings.
+        """Return how well poses explain readings.
 
         Parameters
         ----------

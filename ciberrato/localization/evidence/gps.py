@@ -1,4 +1,4 @@
-"""What a GPS tells that reads the place plus an offset which nobody knows.
+"""Evidence of a GPS that reads the position plus an unknown offset.
 
 It does not say where the robot is, but how it has moved. That is worth three things:
 
@@ -83,7 +83,7 @@ class GpsTracker:
         self.suspicion = 0.0
 
     def doubt(self) -> None:
-        """Give half a chance to what would be the case if the readings so far said nothing."""
+        """Mix in, with half the weight, what would be the case if the readings so far said nothing."""
         self._weight = (1.0 - _UNTRUSTED) * self._weight + _UNTRUSTED / _BINS
 
     def move(self, motion: Motion) -> None:
@@ -166,7 +166,7 @@ class GpsTracker:
         return likelihood, False
 
     def mean_at(self, headings: Floats) -> Floats | None:
-        """Give the place in the GPS's coordinates for other headings, those of the nearest bins.
+        """Return the place in the GPS's coordinates for other headings, those of the nearest bins.
 
         Parameters
         ----------
@@ -227,7 +227,7 @@ class GpsOffset:
 
     @property
     def is_known(self) -> bool:
-        """Whether enough has been learnt."""
+        """Return whether enough has been learnt."""
         return self._count >= _ENOUGH
 
     @property
@@ -309,7 +309,7 @@ class GpsSense:
         return evidence, EXPONENT * math.log(max(expected, 1e-30))
 
     def _place(self, headings: Floats) -> PlaceDensity | None:
-        """Give the place for each heading, some time after a jump, by the offset known before it."""
+        """Return the place for each heading, some time after a jump, by the offset known before it."""
         if self._before_jump is None or self._since_jump > _AFTER_JUMP:
             return None
         offset, variance = self._before_jump

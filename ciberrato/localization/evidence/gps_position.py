@@ -29,7 +29,7 @@ class PlaceDensity:
         self.variance = variance
 
     def at(self, belief: PoseBelief, row: int) -> Floats:
-        """Give the density at all squares for one bin, in probability a square; shape (squares,)."""
+        """Return the density at all squares for one bin, in probability a square; shape (squares,)."""
         lattice = belief.lattice
         x0, y0 = lattice.origin + belief.offset[row] - self.mean[row]
         along_x = np.exp(-0.5 * (x0 + lattice.resolution * np.arange(lattice.nx)) ** 2 / self.variance)
@@ -38,7 +38,7 @@ class PlaceDensity:
         return self._mixed(along_x[column] * along_y[line], belief)
 
     def probability(self, belief: PoseBelief) -> float:
-        """Say how much of the density is in the lab's free squares, for the bin where that is most of all.
+        """Return how much of the density is in the lab's free squares, for the bin where that is most of all.
 
         Parameters
         ----------
@@ -47,7 +47,7 @@ class PlaceDensity:
         return max(float(self.at(belief, row).sum()) for row in range(0, belief.bins, 9)) - DOUBT
 
     def listed(self, belief: PoseBelief) -> Floats:
-        """Give the density at each state of a list."""
+        """Return the density at each state of a list."""
         x, y = belief.places(belief.bin, belief.square)
         off_x, off_y = x - self.mean[belief.bin, 0], y - self.mean[belief.bin, 1]
         return self._mixed(np.exp(-0.5 * (off_x**2 + off_y**2) / self.variance), belief)

@@ -1,4 +1,4 @@
-"""Whether the readings fit the map at all: what no comparison of poses within one map can tell.
+"""Return whether the readings fit the map at all: what no comparison of poses within one map can tell.
 
 A filter with a wrong map is soon certain of the pose that explains the readings least badly. So the readings
 are held against what they could be at best: the misfit of a reading is the natural logarithm of the

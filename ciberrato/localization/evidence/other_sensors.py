@@ -38,7 +38,7 @@ def sensors_used(lab: Lab, parameters: Parameters) -> tuple[str, ...]:
 
 
 def compass_log_likelihood(belief: PoseBelief, degrees: float, noise: float) -> Floats:
-    """Give the logarithm of the likelihood of a compass reading for every bin, less the greatest.
+    """Return the logarithm of the likelihood of a compass reading for every bin, less the greatest.
 
     Parameters
     ----------

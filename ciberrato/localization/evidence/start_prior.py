@@ -39,11 +39,11 @@ class StartPrior:
 
     @property
     def on_nodes(self) -> bool:
-        """Whether the poses are exactly those of states: centres of cells, with headings along the axes."""
+        """Return whether the poses are exactly those of states: cell centres, headings along the axes."""
         return self.centres and math.remainder(self.heading or 0.0, 90.0) == 0.0
 
     def excludes(self, turn: Turn) -> bool:
-        """Say whether what the lab looks like turned round does not matter, as the start is known.
+        """Return whether what the lab looks like turned round does not matter, as the start is known.
 
         Parameters
         ----------

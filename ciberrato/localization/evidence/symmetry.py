@@ -282,7 +282,7 @@ class SymmetryCheck:
         self._evidence = np.maximum(self._evidence + np.where(np.abs(gained) > 0.02, gained, 0.0), -5.0)
 
     def share(self, besides: Floats | float = 0.0) -> float:
-        """Give the estimate's share of its own and its images' probability.
+        """Return the estimate's share of its own and its images' probability.
 
         Parameters
         ----------

@@ -125,7 +125,7 @@ class GridFilter:
 
     @property
     def is_fine(self) -> bool:
-        """Whether the belief is on the fine lattice."""
+        """Return whether the belief is on the fine lattice."""
         return self.stage.tables is not self.planning_tables
 
     @property

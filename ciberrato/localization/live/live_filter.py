@@ -88,7 +88,7 @@ class LiveFilter:
 
     @property
     def is_ready(self) -> bool:
-        """Whether what the filter says is of now: it has had tables, and caught up with what came before."""
+        """Return whether the estimate is of now: tables are there, and the filter has caught up."""
         return self.statistics.ready is not None
 
     @property
@@ -167,13 +167,13 @@ class LiveFilter:
         return self.filter
 
     def estimate(self) -> PoseEstimate | None:
-        """Give the pose now, what is still waiting taken into account by dead reckoning."""
+        """Return the pose now, what is still waiting taken into account by dead reckoning."""
         if self.filter is None:
             return None
         return self._carry_on(self.filter.estimate())
 
     def modes(self) -> list[PoseEstimate]:
-        """Give all poses that the belief is gathered around, the likeliest first."""
+        """Return all poses that the belief is gathered around, the likeliest first."""
         if self.filter is None:
             return []
         return sorted((self._carry_on(mode) for mode in self.filter.modes()), key=_less_probable)

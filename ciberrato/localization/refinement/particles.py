@@ -112,7 +112,7 @@ class ParticleCloud:
         self._weight = np.full(_FIRST, 1.0 / _FIRST)
 
     def mean(self) -> tuple[Pose, Pose]:
-        """Give the mean pose and its standard deviations, in units and radians."""
+        """Return the mean pose and its standard deviations, in units and radians."""
         x, y, heading = self._pose
         first = float(heading[int(self._weight.argmax())])
         turned = np.remainder(heading - first + math.pi, 2.0 * math.pi) - math.pi
@@ -189,7 +189,7 @@ class ParticleCloud:
         return result
 
     def _expected(self, angles: Floats) -> tuple[Floats, Floats, Floats]:
-        """Give the expected readings and their change by unit and by radian; shape (size, sensors)."""
+        """Return the expected readings and their change by unit and by radian; shape (size, sensors)."""
         x, y, heading = self._pose
         direction = np.remainder(heading[:, np.newaxis] + angles + math.pi, 2.0 * math.pi) - math.pi
         cosine, sine = np.cos(direction), np.sin(direction)
@@ -216,7 +216,7 @@ class ParticleCloud:
         self._weight = np.full(count, 1.0 / count)
 
     def _enough(self) -> int:
-        """Say how many particles a cloud of this spread asks for (KLD-sampling)."""
+        """Return how many particles a cloud of this spread asks for (KLD-sampling)."""
         probable = self._weight > 0.1 / self.size
         width = np.array([[_BIN], [_BIN], [_BIN_TURN]])
         bins = len(np.unique(np.round(self._pose[:, probable] / width), axis=1).T)

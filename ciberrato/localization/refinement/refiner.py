@@ -60,7 +60,7 @@ class Refinement:
             self._cloud.follow(step, share)
 
     def refine(self, found: PoseEstimate, belief: PoseBelief) -> PoseEstimate:
-        """Give the particles' pose in place of the lattice's, where they follow the same one.
+        """Return the particles' pose in place of the lattice's, where they follow the same one.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Computes tables in a process of its own, for `ciberrato.localization.tables.worker`.
+"""Compute tables in a process of its own, for `ciberrato.localization.tables.worker`.
 
 A thread would hold the interpreter's lock against the agent's loop, whose cycle is 50 ms. The request comes
 pickled on standard input from the parent process; the tables go to a file, the progress to standard

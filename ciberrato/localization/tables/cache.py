@@ -84,7 +84,7 @@ def cached_tables(
 
 
 def table_path(lab: Lab, angles: Sequence[float], resolution: float, steps: int, folder: Path | None) -> Path:
-    """Say in which file the tables of a lab are kept."""
+    """Return in which file the tables of a lab are kept."""
     return (folder or cache_folder()) / f"pose-tables-{table_key(lab, angles, resolution, steps)}.npz"
 
 

@@ -34,7 +34,7 @@ _LARGEST = 30.0 * 30.0
 
 
 def fine_resolution(lab: Lab) -> float:
-    """Say with which resolution a lab can be followed in every cycle.
+    """Return with which resolution a lab can be followed in every cycle.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class PoseTables:
         return missing
 
     def view(self, sensor: int, heading_offset: float) -> Codes:
-        """Give the codes of a sensor for all bins, at the nearest direction that is tabulated.
+        """Return the codes of a sensor for all bins, at the nearest direction that is tabulated.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ def _shares(codes: Codes) -> NDArray[np.float64]:
 def sensor_layout(
     angles: Sequence[float], steps: int
 ) -> tuple[tuple[float, ...], tuple[tuple[int, int], ...]]:
-    """Say which tables a set of sensors needs.
+    """Return which tables a set of sensors needs.
 
     Parameters
     ----------

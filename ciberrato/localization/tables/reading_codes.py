@@ -52,7 +52,7 @@ class ReadingCodes:
         self._ideal, self._sigma, self._known = _spread(noise, place, turn, outlier)
 
     def log_likelihood(self, reading: float) -> Floats:
-        """Give the logarithm of the likelihood of a reading for every code, less the greatest.
+        """Return the logarithm of the likelihood of a reading for every code, less the greatest.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class ReadingCodes:
 def _spread(
     noise: float, place: float, turn: float, outlier: float
 ) -> tuple[Floats, Floats, dict[int, Floats]]:
-    """Give ideal readings over the square of every code, their deviations, and room for likelihoods.
+    """Return ideal readings over the square of every code, their deviations, and room for likelihoods.
 
     Filters that are told the same share them: the likelihood of a new reading takes longer than a cycle of a
     filter that knows where the robot is.

@@ -132,7 +132,7 @@ dark.addEventListener("change", () => remembered("theme") ?? setTheme(dark.match
 try {
   Object.assign(state.layers, JSON.parse(remembered("layers") ?? "{}"));
 } catch {
-  // Somebody else's value: the defaults are good.
+  // Another program's value: the defaults are good.
 }
 
 new ResizeObserver(([{ contentRect: { width, height } }]) => resize(width, height)).observe($("stage"));

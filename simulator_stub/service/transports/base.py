@@ -16,7 +16,7 @@ class Peer(ABC):
     Attributes
     ----------
     deliver : callable
-        Called with each message that the client sends; whoever accepts the client sets it.
+        Called with each message that the client sends; set where the client is accepted.
     label : str
         Transport and address, for people.
     closed : bool
@@ -64,7 +64,7 @@ class Newcomer(ABC):
 
 
 Welcome = Callable[[Newcomer, bytes], None]
-"""Called with each message that comes from somebody who has not registered."""
+"""Called with each message that comes from an address that has not registered."""
 
 
 class Transport(ABC):
@@ -96,4 +96,4 @@ class Transport(ABC):
 
 
 def ignore(data: bytes) -> None:
-    """Take messages of a client that nobody listens to."""
+    """Take messages of a client that is not listened to."""

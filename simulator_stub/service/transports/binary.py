@@ -9,7 +9,7 @@ from simulator_stub.service.transports.base import Newcomer, Peer
 
 
 class BinaryNewcomer(Newcomer):
-    """Somebody whose registration was a binary one.
+    """A client whose registration was a binary one.
 
     Parameters
     ----------

@@ -77,14 +77,14 @@ class TcpTransport(Transport):
 
 
 class TcpNewcomer(Newcomer):
-    """A connection on which nobody has registered yet."""
+    """A connection without a registration so far."""
 
     def __init__(self, peer: TcpPeer) -> None:
         self._peer = peer
         self.label = peer.label
 
     def accept(self) -> Peer:
-        """Return the connection itself, which listens to nobody until it is told to."""
+        """Return the connection itself, which does not listen until it is told to."""
         self.registered = self._peer
         self._peer.deliver = ignore
         return self._peer

@@ -115,7 +115,7 @@ class UdpPeer(Peer):
         """Take one datagram."""
         try:
             data = self._socket.recv(READ_SIZE)
-        except OSError:  # nothing there after all, or nobody was there for what was sent last
+        except OSError:  # nothing there after all, or no client was there for what was sent last
             return
         self.deliver(data)
 
@@ -126,7 +126,7 @@ class UdpPeer(Peer):
         try:
             self._socket.send(data)
         except ConnectionRefusedError:
-            # Nobody was there for the one before; that does not mean that nobody is there now.
+            # No client was there for the one before; one may be there now.
             with contextlib.suppress(OSError):
                 self._socket.send(data)
         except OSError:

@@ -2,12 +2,11 @@
 
 Starts the simulator on a free port and the agent as a process of its own, lets the robot drive until a
 wall stops it, sends the agent the signal that Ctrl-C sends, and looks at what it leaves. The agent is told
-the lab, not where in it the robot stands. Run it as ``make demo`` or ``python -m examples.demo``.
+the lab, not where in it the robot stands. Run it as ``ciberrato demo`` or ``make demo``.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import re
@@ -20,12 +19,14 @@ from pathlib import Path
 from typing import IO
 
 from agent.offline.summary import step_table
+from ciberrato.command_line import ProgramParser
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.lab import read_lab
 from ciberrato.files.run_log import read_run
 from ciberrato.files.truth import read_truth, true_cells
 from ciberrato.labs import find_lab
+from ciberrato.processes import module_command
 
 LAB = "standard"
 PATIENCE = 60.0
@@ -45,21 +46,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit status: 0 when the robot ended up most likely where it really is.
     """
-    parser = argparse.ArgumentParser(prog="python -m examples.demo", description=__doc__.partition("\n")[0])
+    parser = ProgramParser("ciberrato demo", __doc__.partition("\n")[0])
     parser.add_argument("--seed", type=int, default=7, help="seed of the simulator's noise (7)")
     parser.add_argument("--folder", type=Path, default=Path("demo"), help="where the files go (demo)")
-    options = parser.parse_args(argv)
     try:
+        options = parser.parse_args(argv)
         return demonstrate(options.folder, options.seed)
     except CiberratoError as error:
-        print(f"demo: {error}", file=sys.stderr)
+        print(f"ciberrato demo: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
-        # Whoever read our output has seen enough; what is still buffered must not complain at exit.
+        # The reader of our output has seen enough; what is still buffered must not fail at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
-        print("demo: interrupted", file=sys.stderr)
+        print("ciberrato demo: interrupted", file=sys.stderr)
         return 130
 
 
@@ -164,7 +165,7 @@ def running(module: str, words: Sequence[str]) -> Iterator[subprocess.Popen[str]
     name = {"simulator_stub": "ciberrato-simulator", "agent": "ciberrato-agent"}[module]
     print(f"\n$ {name} {' '.join(words)}", flush=True)
     process = subprocess.Popen(
-        [sys.executable, "-m", module, *words],
+        module_command(module, *words),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -237,7 +238,3 @@ def pass_on(process: subprocess.Popen[str]) -> None:
 def _stdout(process: subprocess.Popen[str]) -> IO[str]:
     assert process.stdout is not None
     return process.stdout
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,47 @@
+"""Configuration of the manual's site: `make docs` builds it into build/site, without the network."""
+
+import os
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "_extensions")]
+
+from ciberrato.version import __version__  # noqa: E402
+
+project = "ciberrato"
+author = "the ciberrato developers"
+copyright = author
+release = version = __version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "mathml",
+    "numpydoc",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "sphinxcontrib.programoutput",
+]
+source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+exclude_patterns = ["_templates", "_extensions"]
+templates_path = ["_templates"]
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 4
+
+numpydoc_show_class_members = False
+numpydoc_class_members_toctree = False
+default_role = "py:obj"
+autodoc_typehints = "none"  # numpydoc's sections say the types, with shapes and units
+
+copybutton_prompt_text = "$ "
+programoutput_prompt_template = "$ {command}\n{output}"
+os.environ.update(
+    COLUMNS="90", PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", PYTHONPATH=str(ROOT)
+)
+
+html_math_renderer = "mathml"
+html_theme = "furo"
+html_title = f"ciberrato {release}"

@@ -1,0 +1,45 @@
+"""Words: those of the list in CONTRIBUTING.md are avoided; docstrings begin with a verb in the imperative."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCES = ("ciberrato", "agent", "simulator_stub", "examples", "benchmarks")
+AVOIDED = re.compile(r"\b(whoever|whomever|nobody|somebody)\b", re.IGNORECASE)
+FIRST_WORDS = {"Give", "Gives", "Tell", "Tells", "Whether", "Returns", "Computes"}
+
+
+def texts():
+    """Yield path and text of what people read: sources, pages of the manual, the page of the viewer."""
+    for folder in (*SOURCES, "docs"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in {".py", ".md", ".js", ".html", ".css", ".toml"} and "_api" not in path.parts:
+                yield path, path.read_text(encoding="utf-8")
+    for name in ("README.md", "CHANGELOG.md"):
+        yield ROOT / name, (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_words_of_the_list_are_avoided():
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {match[0]}"
+        for path, text in texts()
+        for number, line in enumerate(text.splitlines(), 1)
+        if (match := AVOIDED.search(line))
+    ]
+    assert not found
+
+
+@pytest.mark.parametrize("folder", SOURCES)
+def test_docstrings_of_functions_begin_with_a_verb_in_the_imperative(folder):
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {first}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and (text := ast.get_docstring(node))
+        and (first := text.split()[0]) in FIRST_WORDS
+    ]
+    assert not found
