@@ -1,11 +1,12 @@
 """Environments of Gymnasium beside the bare simulation that they stand on, in one run and in turns.
 
-Each is stepped for a short while, then the next one, round after round, and the fastest round of each counts.
-Times are processor times of the calling thread, because a clock on the wall tells of other programs, too:
-with two threads each does half of what can be shared, so this is what a machine takes that has two cores to spare,
-but for the waiting. What the wall said is in the notes. The reference is the plain loop of
-`benchmarks.simulator_speed`. ``Navigate-v0`` in `maze`, free starts, wheels that change every 20 cycles; no
-episode ends meanwhile, and a row tells what one reset costs. The bare batch counts the same scores.
+Each is stepped for a short while, then the next one, round after round, and the fastest round of each
+counts. Times are processor times of the calling thread, because a clock on the wall tells of other
+programs, too: with two threads each does half of what can be shared, so this is what a machine takes that
+has two cores to spare, but for the waiting. What the wall said is in the notes. The reference is the plain
+loop of `benchmarks.simulator_speed`. ``Navigate-v0`` in `maze`, free starts, wheels that change every 20
+cycles; no episode ends meanwhile, and a row tells what one reset costs. The bare batch counts the same
+scores.
 """
 
 from __future__ import annotations
