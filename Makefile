@@ -56,6 +56,7 @@ docs: $(VENV)/.stamp  ## the manual as a site, build/site/index.html; needs no n
 figures: $(VENV)/.stamp  ## the pictures of the manual, into docs/figures (the screenshots need Chromium)
 	$(BIN)/python -m examples.agent_figures docs/figures
 	$(BIN)/python -m examples.viewer_figures docs/figures
+	$(BIN)/python -m examples.learn docs/figures
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) build dist demo .mypy_cache .ruff_cache .pytest_cache .hypothesis

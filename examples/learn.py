@@ -62,7 +62,7 @@ def act(weights: Floats, observations: NDArray[np.float32], last: Floats) -> Flo
     first = weights[:, : HIDDEN * SEES].reshape(-1, HIDDEN, SEES)
     second = weights[:, HIDDEN * SEES :].reshape(-1, 2, HIDDEN + 1)
     hidden = np.tanh(np.einsum("nhs,ns->nh", first, seen))
-    return np.tanh(np.einsum("nah,nh->na", second[:, :, :HIDDEN], hidden) + second[:, :, HIDDEN])
+    return np.asarray(np.tanh(np.einsum("nah,nh->na", second[:, :, :HIDDEN], hidden) + second[:, :, HIDDEN]))
 
 
 def episode(envs: Any, weights: Floats, seed: int, track: list[Floats] | None = None) -> Floats:
@@ -152,7 +152,7 @@ def draw(learning: Learning, poses: Floats, path: Path) -> Path:
     curve.plot(generations, middle, color="#0072B2", label="median")
     curve.plot(generations, learning.rewards.max(axis=1), color="#D55E00", label="best")
     curve.set(xlabel="generation", ylabel="reward of an episode\n(cells of the circuit)")
-    curve.legend(loc="upper left", frameon=False)
+    curve.legend(loc="lower right", frameon=False)
     corridors = read_lab(find_lab("corridors"))
     lab.imshow(Picture(corridors).draw(poses[-1]), extent=(-0.25, 28.25, -0.25, 14.25))
     lab.plot(poses[:, 0], poses[:, 1], color="#D55E00", linewidth=1.2)
