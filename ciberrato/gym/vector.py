@@ -300,7 +300,10 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
     def close_extras(self, **kwargs: Any) -> None:
         """Let go of the worlds."""
         self._batch = None
-        self.task.close()
+        # Older versions of Gymnasium close what was refused before it was made, too.
+        task = getattr(self, "task", None)
+        if task is not None:
+            task.close()
 
 
 def _infos(values: dict[str, NDArray[Any]], mask: Booleans) -> dict[str, Any]:
