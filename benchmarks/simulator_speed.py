@@ -103,10 +103,11 @@ def single_seconds(lab: Lab, start: NDArray[np.float64], *, compiled: bool) -> f
 
 
 def _batch_row(lab: Lab, starts: NDArray[np.float64], name: str, *, compiled: bool) -> Iterator[Row]:
+    worlds = len(starts)
     batch = BatchSimulation(
-        lab, starts, NOISE, seeds=range(WORLDS), line_sensor=False, compiled=compiled, threads=1
+        lab, starts, NOISE, seeds=range(worlds), line_sensor=False, compiled=compiled, threads=1
     )
-    powers = [np.broadcast_to(np.array(power), (WORLDS, 2)) for power in COMMANDS]
+    powers = [np.broadcast_to(np.array(power), (worlds, 2)) for power in COMMANDS]
 
     def drive() -> None:
         for command in powers:
