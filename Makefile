@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo examples docs test quick lint conformance accuracy bench figures clean
+.PHONY: help setup demo examples docs test quick lint conformance accuracy bench figures release clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -52,6 +52,10 @@ bench: $(VENV)/.stamp  ## speed, as ratios to plain references; writes build/ben
 docs: $(VENV)/.stamp  ## the manual as a site, build/site/index.html; needs no network
 	$(BIN)/python -m sphinx -W -q -b html -d build/trees docs build/site
 	@echo build/site/index.html
+
+release: $(VENV)/.stamp  ## wheel and source archive of the last commit into dist/, built twice and compared
+	$(BIN)/python -m pip install --quiet --editable '.[release]'
+	.ci/release
 
 figures: $(VENV)/.stamp  ## the pictures of the manual, into docs/figures (the screenshots need Chromium)
 	$(BIN)/python -m examples.agent_figures docs/figures
