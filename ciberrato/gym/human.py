@@ -49,7 +49,7 @@ class Window:
         self._stack.enter_context(viewer_beside(f"127.0.0.1:{self.port}", http))
 
     def begin(self, simulation: Simulation) -> None:
-        """Tell the viewer that another world has begun; it asks for the lab again."""
+        """Announce to the viewer that another world has begun; it asks for the lab again."""
         self._simulation = simulation
         self._send(encode(Restart()))
         self._forget_views()
