@@ -67,6 +67,7 @@ release: $(VENV)/.stamp  ## wheel and source archive of the last commit into dis
 figures: $(VENV)/.stamp  ## the pictures of the manual, into docs/figures (the screenshots need Chromium)
 	$(BIN)/python -m examples.agent_figures docs/figures
 	$(BIN)/python -m examples.viewer_figures docs/figures
+	$(BIN)/python -m examples.learn docs/figures
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) build dist demo .mypy_cache .ruff_cache .pytest_cache .hypothesis

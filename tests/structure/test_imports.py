@@ -54,6 +54,7 @@ APPLICATIONS = {
     "evaluation": {"agent", "simulator_stub"},
     "grading": {"evaluation", "labtool", "simulator_stub", "viewer"},
     "testing": {"grading", "labtool", "simulator_stub"},
+    "gym": {"simulator_stub"},
     "front": {"agent", "simulator_stub", "viewer", "evaluation", "labtool", "grading"},
     "__main__": {"front"},
 }
@@ -71,7 +72,7 @@ SIMULATOR = {
     "scoring": {"world"},
     "robot_transitions": {"scoring", "world"},
     "simulation": {"robot_transitions", "scoring", "sensors", "world"},
-    "batch": {"sensors", "world"},
+    "batch": {"scoring", "sensors", "simulation", "world"},
     "recording": {"simulation", "world"},
     "service": {"recording", "simulation", "world"},
 }
