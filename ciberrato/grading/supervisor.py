@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -103,13 +103,7 @@ class Run:
         self._watch(sys.stdin.buffer, self._parent)
         if self._wanted["simulator"] is None:
             return self._run_alone()
-        self._simulator = subprocess.Popen(
-            self._wanted["simulator"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
-        )
+        self._simulator = start_simulator(self._wanted["simulator"])
         self._watch(self._simulator.stdout, self._simulator_output.add)
         if not self._until(lambda: self._said(b"listening on udp"), 60.0):
             text = self._simulator_output.text().strip().rpartition("\n")[2]
@@ -235,12 +229,7 @@ class Run:
 
     def _end_everything(self) -> None:
         descendants.end_all(self._agents_processes, child=self._agent)
-        if self._simulator is not None and self._simulator.poll() is None:
-            self._simulator.send_signal(signal.SIGTERM)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._simulator.wait(10.0)
-            self._simulator.kill()
-            self._simulator.wait()
+        end_simulator(self._simulator)
 
     def _document(self, began: float, note: str | None = None) -> dict[str, Any]:
         """Return what came of it, when all has been ended."""
@@ -267,6 +256,27 @@ class Run:
             "output": self._agent_output.count,
             "tail": self._agent_output.text(),
         }
+
+
+def start_simulator(command: Sequence[str]) -> subprocess.Popen[bytes]:
+    """Start the simulator of a run; what it says goes to a pipe."""
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
+    )
+
+
+def end_simulator(process: subprocess.Popen[bytes] | None) -> None:
+    """End the simulator of a run, which writes what it has, by force if need be."""
+    if process is not None and process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(10.0)
+        process.kill()
+        process.wait()
 
 
 def last_run(path: str | None) -> dict[str, Any] | None:
