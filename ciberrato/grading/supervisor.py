@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ciberrato.grading.workspace import size_of
 from ciberrato.system import descendants
 from ciberrato.system.process import runnable
 from ciberrato.system.streams import streams
@@ -33,6 +34,9 @@ GRACE = 1.0
 
 TAIL = 4096
 """Bytes of its last output that are kept."""
+
+SECONDS_A_WEIGHING = 0.5
+"""Between looks at how much the agent has written; more where that takes long."""
 
 _MB = 1 << 20
 
@@ -69,7 +73,7 @@ class Run:
         ``environment``, ``work`` (the agent's working folder, or None if the command line sees to it),
         ``result`` (the simulator's result file; ``grace`` in its last run: seconds that the agent may go on
         afterwards), ``tail`` (bytes of its last output that are kept), ``limits``, ``overhead``
-        (processes of the sandbox's own).
+        (processes of the sandbox's own), ``files`` (the agent's working folder as it is seen here).
     """
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
@@ -84,6 +88,8 @@ class Run:
         self._orphaned = False
         self._peak = descendants.Usage(0, 0)
         self._next_look = 0.0
+        self._next_weighing = 0.0
+        self._room: float | None = None
 
     def run(self) -> dict[str, Any]:
         """Do it.
@@ -131,6 +137,7 @@ class Run:
     def _start_agent(self) -> str | None:
         """Start the agent; return why it cannot be."""
         limits = self._limits
+        self._is_over_disk()
         try:
             self._agent = subprocess.Popen(
                 runnable(self._wanted["agent"], self._wanted["environment"]),
@@ -213,7 +220,21 @@ class Run:
                     self._stop("process limit")
                 elif used.memory > limits["memory"] * _MB:
                     self._stop("memory limit")
+                elif self._is_over_disk():
+                    self._stop("disk limit")
         return any_news
+
+    def _is_over_disk(self) -> bool:
+        """Weigh the working folder now and then: against its first weight and the limit."""
+        began = time.monotonic()
+        if self._wanted.get("files") is None or began < self._next_weighing:
+            return False
+        size = size_of(Path(self._wanted["files"]))
+        if self._room is None:
+            self._room = size + self._limits["disk"] * _MB
+        end = time.monotonic()
+        self._next_weighing = end + max(SECONDS_A_WEIGHING, 20.0 * (end - began))
+        return size > self._room
 
     # --- ends -----------------------------------------------------------------------------------
 
