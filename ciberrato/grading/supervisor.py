@@ -32,6 +32,9 @@ LOOK = 0.05
 GRACE = 1.0
 """Seconds that an agent may go on after the run is over."""
 
+MORE_GRACE = 9.0
+"""Seconds more for one that is at work: on a busy machine what it says last must not depend on the load."""
+
 TAIL = 4096
 """Bytes of its last output that are kept."""
 
@@ -129,8 +132,13 @@ class Run:
             # The simulator ends by itself, as its robot is silent; only should it not, it is ended.
             self._until(lambda: False, 60.0 + 2.0 * limits["silence"])
         run = last_run(self._wanted.get("result")) or {}
-        until = time.monotonic() + run.get("grace", self._wanted.get("grace", GRACE))
-        while not self._agent_ended() and time.monotonic() < until and not self._orphaned:
+        grace = run.get("grace", self._wanted.get("grace"))
+        until = time.monotonic() + (GRACE if grace is None else grace)
+        latest = until if grace is not None else until + MORE_GRACE
+        while not self._agent_ended() and not self._orphaned:
+            now = time.monotonic()
+            if now >= latest or (now >= until and not descendants.at_work(self._agents_processes())):
+                break
             self._look(LOOK)
         return self._document(began)
 

@@ -117,6 +117,15 @@ def _is_alive(process: int) -> bool:
     return False
 
 
+def at_work(processes: Sequence[int]) -> bool:
+    """Return whether one of the processes computes, or would if it had a processor; False if not told."""
+    for process in processes:
+        with contextlib.suppress(OSError), open(f"/proc/{process}/stat", "rb") as file:
+            if file.read().rpartition(b") ")[2][:1] in (b"R", b"D"):
+                return True
+    return False
+
+
 def usage(processes: Sequence[int]) -> Usage:
     """Measure processes.
 

@@ -210,3 +210,16 @@ def test_who_fills_its_folder_is_stopped(tmp_path, walls):
     (row,) = rows(tmp_path / "report")
     assert row["status"].startswith("stopped at")
     assert row["detail"] == "disk limit"
+
+
+@pytest.mark.slow
+def test_who_is_at_work_when_the_run_is_over_has_its_last_words(tmp_path, walls):
+    write(tmp_path, "robot", ROBOT)
+    file = tmp_path / "agents" / "robot" / "agent.py"
+    file.write_text(
+        file.read_text() + "\nimport time\nwhile time.process_time() < 2.5:\n    pass\nprint('that was it')\n"
+    )
+    path = tmp_path / "course.toml"
+    path.write_text(LAB + table("robot"))
+    run(path, "--quiet", "--sandbox", walls, "--output", tmp_path / "report")
+    assert "that was it" in (tmp_path / "report" / "junit.xml").read_text()
