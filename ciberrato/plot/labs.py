@@ -61,7 +61,9 @@ def lab(lab: Lab, ax: Any = None, *, grid: StartGrid | None = None, legend: bool
     scale = ScalarMappable(norm=Normalize(0.0, max([*heights, 4.0])), cmap="cividis_r")
     solid = [wall.corners for wall in lab.walls if wall.height > 0]
     colours = scale.to_rgba(np.array(heights, np.float64))
-    ax.add_collection(PolyCollection(solid, facecolors=colours, edgecolors="black", linewidths=0.4, zorder=3))
+    polygons = PolyCollection(solid, facecolors=colours, edgecolors="black", linewidths=0.4, zorder=3)
+    polygons.set_joinstyle("miter")
+    ax.add_collection(polygons)
     for number, beacon in enumerate(lab.beacons):
         ax.plot(beacon.x, beacon.y, "*", color=LINE_COLOURS[5], markersize=11, zorder=4)
         label = f"B{number} (height {beacon.height:g})"

@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ciberrato.plot.canvas import LINE_COLOURS, add_legend, draw_walls, set_lab_axes, start_map
+from ciberrato.plot.canvas import (
+    LINE_COLOURS,
+    X_LABEL,
+    Y_LABEL,
+    add_legend,
+    draw_walls,
+    set_lab_axes,
+    start_map,
+)
 from ciberrato.world.lab import Lab
 
 
@@ -61,10 +69,10 @@ def track(
             ax.annotate(name, place, xytext=(0, -16), textcoords="offset points", ha="center")
     if lab is not None:
         set_lab_axes(ax, lab.width, lab.height)
-    else:
+    elif ax.get_aspect() == "auto":  # else a map, whose limits stay
         ax.set_aspect("equal", adjustable="datalim")
-        ax.set_xlabel("x (units)")
-        ax.set_ylabel("y (units)")
+        ax.set_xlabel(X_LABEL)
+        ax.set_ylabel(Y_LABEL)
     if new if legend is None else legend:
         add_legend(ax)
     return ax

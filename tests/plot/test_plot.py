@@ -135,6 +135,14 @@ def test_no_poses_are_an_empty_map():
     assert plot.poses(np.empty((0, 3)), np.empty(0), lab=MAZE).get_xlim() == (0.0, MAZE.width)
 
 
+def test_a_second_track_leaves_the_map_as_it_is(caplog):
+    ax = plot.track(POSES, lab=MAZE)
+    plot.track(POSES[:, :2] + 0.1, ax)
+    ax.figure.canvas.draw()
+    assert (*ax.get_xlim(), *ax.get_ylim()) == (0.0, MAZE.width, 0.0, MAZE.height)
+    assert not caplog.records
+
+
 def test_the_share_of_runs_that_know_their_pose_is_counted():
     times = np.array([3.0, 20.0, np.inf, np.nan, 7.0])
     line = plot.times_to_localize(times, 100).lines[0]
