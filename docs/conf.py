@@ -26,7 +26,7 @@ extensions = [
     "sphinxcontrib.programoutput",
 ]
 source_suffix = {".md": "myst-nb", ".rst": "restructuredtext"}
-exclude_patterns = ["_templates", "_extensions"]
+exclude_patterns = ["_templates", "_extensions", "_static"]
 templates_path = ["_templates"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
@@ -53,4 +53,6 @@ os.environ.update(
 
 html_math_renderer = "mathml"
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["notebook.css"]
 html_title = f"ciberrato {release}"
