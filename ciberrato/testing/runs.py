@@ -95,12 +95,12 @@ class AgentRun:
 
     @property
     def finished(self) -> bool:
-        """Whether the robot has said that it is done, by EndLed."""
+        """Return whether the robot has switched its End LED on."""
         return self.status == "finished"
 
     @property
     def arrived(self) -> bool:
-        """Whether the robot has visited all targets."""
+        """Return whether the robot has visited all targets."""
         return self.targets > 0 and self.visited == self.targets
 
     @property
