@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo examples docs test quick lint conformance accuracy bench figures release clean
+.PHONY: help setup locked lock demo examples docs test quick lint chaos chaos-long conformance accuracy bench figures release clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -20,6 +20,16 @@ $(VENV)/.stamp: $(VENV)/.runtime
 	$(BIN)/python -m pip install --quiet --editable '.[dev,fast]'
 	@touch $@
 
+locked: requirements-dev.txt  ## make .venv with the versions of requirements-dev.txt, checked by their hashes
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.txt
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $(VENV)/.runtime $(VENV)/.stamp
+
+lock: $(VENV)/.runtime  ## write requirements-dev.txt anew from pyproject.toml
+	$(BIN)/python -m pip install --quiet 'uv>=0.5'
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --extra dev --extra fast --output-file requirements-dev.txt pyproject.toml
+
 setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
 
 demo: $(VENV)/.runtime  ## the whole path once: simulator, agent, localization.out, a table and a figure
@@ -32,10 +42,17 @@ lint: $(VENV)/.stamp  ## ruff, codespell and mypy
 	$(BIN)/mypy
 
 quick: $(VENV)/.stamp  ## the tests that take less than a few seconds each
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow and not chaos_long"
 
 test: lint  ## everything CI runs, on every core
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto -m "not chaos_long"
+
+chaos: $(VENV)/.stamp  ## bad networks, hostile clients, full disks: the part that CI runs, one test at a time
+	$(BIN)/python -m pytest tests/chaos -m "not chaos_long"
+
+chaos-long: $(VENV)/.stamp  ## all of that, and the table of faults, five tries each
+	$(BIN)/python -m pytest tests/chaos
+	$(BIN)/python -m tests.chaos.scenario --tries 5
 
 conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator: the tests', or GOLDEN=... LABS=...
 	$(BIN)/python -m benchmarks.conformance $(if $(GOLDEN),--golden '$(GOLDEN)') $(if $(LABS),--labs '$(LABS)')
@@ -60,6 +77,7 @@ release: $(VENV)/.stamp  ## wheel and source archive of the last commit into dis
 figures: $(VENV)/.stamp  ## the pictures of the manual, into docs/figures (the screenshots need Chromium)
 	$(BIN)/python -m examples.agent_figures docs/figures
 	$(BIN)/python -m examples.viewer_figures docs/figures
+	$(BIN)/python -m examples.learn docs/figures
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) build dist demo .mypy_cache .ruff_cache .pytest_cache .hypothesis

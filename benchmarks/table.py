@@ -24,6 +24,7 @@ MODULES = (
     "agent_timing",
     "agent_live",
     "simulator_speed",
+    "gym_speed",
     "simulator_lockstep",
     "simulator_crowd",
 )

@@ -1,12 +1,31 @@
-"""The parser that all programs share: an error is one line, and options are never abbreviated."""
+"""What all programs share: a parser whose errors are one line, and how a program begins and ends.
+
+Options are never abbreviated. `run_program` sees to it that an output that is gone (closed, full, a pipe that
+ends) does not disturb the work, and that memory or file descriptors that are used up are told in one line.
+"""
 
 from __future__ import annotations
 
 import argparse
-from typing import Any, NoReturn
+import contextlib
+import errno
+import os
+import sys
+from collections.abc import Callable
+from typing import IO, Any, NoReturn
 
-from ciberrato.errors import UsageError
+from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.system.process import take_any_character
 from ciberrato.version import __version__
+
+LEAST_DESCRIPTORS = 16
+"""Files that a process has open: streams, sockets, a log, what an import opens, pipes to other processes."""
+_USED_UP = {errno.EMFILE: "file descriptors", errno.ENFILE: "file descriptors", errno.ENOMEM: "memory"}
+_HELP = {
+    "memory": "allow it more (ulimit -v, ulimit -m, the container's limit)",
+    "file descriptors": f"allow it {LEAST_DESCRIPTORS} at least (ulimit -n)",
+    "threads": "allow it more processes (ulimit -u) or memory (ulimit -v)",
+}
 
 
 class ProgramParser(argparse.ArgumentParser):
@@ -26,6 +45,167 @@ class ProgramParser(argparse.ArgumentParser):
         version = f"ciberrato {__version__}"
         self.add_argument("--version", action="version", version=version, help="show the version and end")
 
+    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
+        """Parse; from then on any character can be printed."""
+        take_any_character(sys.stdout)
+        return super().parse_known_args(*arguments, **options)
+
     def error(self, message: str) -> NoReturn:
         """Raise what is wrong with the command line."""
         raise UsageError(f"{message} (see {self.prog} --help)")
+
+
+class Output:
+    """A text stream that drops what can no longer be written, and remembers why.
+
+    Parameters
+    ----------
+    stream : file or None
+        None: the process was started without it.
+    """
+
+    def __init__(self, stream: IO[str] | None) -> None:
+        self._stream = stream
+        self.fault: OSError | None = None
+        """Why something was dropped: the disk is full, the reader of the pipe has gone."""
+
+    def write(self, text: str) -> int:
+        """Write, or drop."""
+        if self._stream is not None and self.fault is None:
+            try:
+                self._stream.write(text)
+            except OSError as error:
+                self._give_up(error)
+        return len(text)
+
+    def flush(self) -> None:
+        """Hand on what is buffered, or drop it."""
+        if self._stream is not None and self.fault is None:
+            try:
+                self._stream.flush()
+            except OSError as error:
+                self._give_up(error)
+
+    def isatty(self) -> bool:
+        """Return whether it is a terminal."""
+        return self._stream is not None and self._stream.isatty()
+
+    def __getattr__(self, name: str) -> Any:
+        stream = self.__dict__.get("_stream")
+        if stream is None:  # a stream like any other, to nowhere
+            stream = self.__dict__["_stream"] = open(os.devnull, "w", encoding="utf-8", newline="\n")  # noqa: SIM115
+        return getattr(stream, name)
+
+    def _give_up(self, error: OSError) -> None:
+        self.fault = error
+        # What is still buffered must not complain when the interpreter ends.
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            assert self._stream is not None
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+
+
+def run_program(program: str, body: Callable[[], int], *, shows: Callable[[], bool] = lambda: False) -> int:
+    """Run a program from its first line to its exit status.
+
+    Parameters
+    ----------
+    program : str
+        Its name.
+    body : callable
+        Does the work and returns the exit status. Its `CiberratoError` become lines on standard error and
+        status 2; so do memory, file descriptors and threads that are used up.
+    shows : callable
+        Whether what the program prints is all its work: then it has failed if there is no room for that.
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
+    _open_streams()
+    former = sys.stdout, sys.stderr
+    output, errors = Output(sys.stdout), Output(sys.stderr)
+    sys.stdout, sys.stderr = output, errors
+    try:
+        return _status(program, body, output, shows)
+    finally:
+        output.flush()
+        errors.flush()
+        # A process goes down with what drops the rest; in a test the streams are given back.
+        if output.fault is None and None not in former:
+            sys.stdout, sys.stderr = former
+
+
+def _status(program: str, body: Callable[[], int], output: Output, shows: Callable[[], bool]) -> int:
+    try:
+        _check_limits()
+        status = body()
+        output.flush()
+        fault = output.fault
+        if fault is not None and fault.errno != errno.EPIPE:  # a reader that has seen enough is no fault
+            print(f"{program}: the output is cut short: {fault.strerror}", file=sys.stderr)
+            status = status or 2 * shows()
+    except CiberratoError as error:
+        _tell(program, str(error))
+    except Exception as error:
+        what = used_up(error)
+        if what is None:
+            raise
+        _tell(program, f"there is not enough of {what} for this: {_HELP[what]}")
+    else:
+        return status
+    return 2
+
+
+def used_up(error: BaseException) -> str | None:
+    """Return what the system has no more of, if an error says so: memory, file descriptors or threads.
+
+    Parameters
+    ----------
+    error : BaseException
+        What caused it counts, too: numpy's ImportError does not say it itself.
+    """
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, MemoryError) or "failed to map segment" in str(seen):
+            return "memory"
+        if isinstance(seen, OSError) and seen.errno in _USED_UP:
+            return _USED_UP[seen.errno]
+        if isinstance(seen, RuntimeError) and "can't start new thread" in str(seen):
+            return "threads"
+        if isinstance(seen, ImportError) and ("cannot allocate memory" in str(seen).lower()):
+            return "memory"
+        seen = seen.__cause__ or seen.__context__
+    return None
+
+
+def _tell(program: str, message: str) -> None:
+    for line in message.splitlines():
+        print(f"{program}: {line}", file=sys.stderr)
+
+
+def _open_streams() -> None:
+    """Put nothing in the place of closed standard streams: the next file opened would be taken for them."""
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDONLY if descriptor == 0 else os.O_WRONLY)
+            os.set_inheritable(descriptor, True)
+
+
+def _check_limits() -> None:
+    """Refuse to begin with too few file descriptors; let libraries be modest where memory is limited."""
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft != resource.RLIM_INFINITY and soft < LEAST_DESCRIPTORS:
+        enough = LEAST_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, LEAST_DESCRIPTORS)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (enough, hard))
+        if enough < LEAST_DESCRIPTORS:
+            raise UsageError(f"only {enough} file descriptors are allowed: {_HELP['file descriptors']}")
+    if resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:
+        # Its threads each ask for memory when numpy is loaded, and end the process where there is none.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

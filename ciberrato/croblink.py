@@ -13,18 +13,22 @@ Agents in any language also run unmodified, with their own file: this module is 
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import socket
 import sys
+import time
 from collections.abc import Iterable
 from typing import Any
 
 from ciberrato.client.core import RobotCore
+from ciberrato.client.pace import Pace
 from ciberrato.client.run_recorder import RunRecorder
 from ciberrato.errors import ProtocolError
-from ciberrato.net.address import DEFAULT_PORT, parse_address, resolve
+from ciberrato.net.address import DEFAULT_PORT, answers_for, parse_address, resolve
 from ciberrato.protocol import Acceptance, Actions, Measures, Refusal, decode_simulator_message, encode
+from ciberrato.protocol.order import MessageOrder, News
 
 __all__ = [
     "NUM_IR_SENSORS",
@@ -44,8 +48,8 @@ UDP_PORT = DEFAULT_PORT
 LOG_VARIABLE = "CIBERRATO_LOG"
 
 _SECONDS = 2.0
-_LATE = 50
-"""Cycles that a message may be late; one that is later is of another run."""
+_REFUSAL_PATIENCE = 0.5
+"""Seconds that an acceptance may still come after a refusal, which can be anybody's."""
 _MOST = 65535
 
 
@@ -198,31 +202,56 @@ class CRobLink:
         self.measures = CMeasures()
         self.lost = self.skipped = 0
         self._unanswered: Measures | None = None
+        self._moving = False
         self._core = RobotCore(name, position=self.robId, angles=self.angs)
         self._recorder = RunRecorder(os.environ.get(LOG_VARIABLE) or None, None)
         self._place = resolve(*parse_address(host, port))
         self.sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.sock.settimeout(_SECONDS)
         self.sock.sendto(encode(self._core.registration), self._place)
-        try:
-            data, (_, self.port) = self.sock.recvfrom(_MOST)
-        except (TimeoutError, ConnectionError):
-            self.sock.close()
-            raise TimeoutError(
-                f"no simulator has answered at {self._place[0]}:{self._place[1]} in {_SECONDS:g} s: start "
-                "one (ciberrato-simulator), or check host and port"
-            ) from None
-        answer = decode_simulator_message(data)
-        if isinstance(answer, Refusal):
+        answer = self._find_answer()
+        self.sock.settimeout(_SECONDS)
+        if answer is None:
             self.status = -1
             return
-        if not isinstance(answer, Acceptance):
-            raise ProtocolError("the simulator has not answered the registration with a Reply")
         self.status = 0
+        self._order = MessageOrder(answer.parameters.sim_time)
+        self._pace = Pace(answer.parameters.cycle_time)
         self.params = CParameters(answer)
         self.nBeacons, self.simTime = self.params.nBeacons, self.params.simTime
         self._core.accept(answer)
         self._recorder.begin(self._core)
+
+    def _find_answer(self) -> Acceptance | None:
+        """Wait for the answer to the registration; None if it is a refusal."""
+        end, refused, odd = time.monotonic() + _SECONDS, False, False
+        while (left := end - time.monotonic()) > 0.0:
+            self.sock.settimeout(left)
+            try:
+                data, (host, port) = self.sock.recvfrom(_MOST)
+            except (TimeoutError, ConnectionError):
+                continue
+            if not answers_for(host, self._place[0]):
+                continue
+            try:
+                answer = decode_simulator_message(data)
+            except ProtocolError:
+                odd = True
+                continue
+            if isinstance(answer, Acceptance):
+                self.port = port
+                return answer
+            odd |= not isinstance(answer, Refusal)
+            if isinstance(answer, Refusal) and not refused:
+                refused, end = True, min(end, time.monotonic() + _REFUSAL_PATIENCE)
+        if refused:
+            return None
+        self.sock.close()
+        if odd:
+            raise ProtocolError("the simulator has not answered the registration with a Reply")
+        raise TimeoutError(
+            f"no simulator has answered at {self._place[0]}:{self._place[1]} in {_SECONDS:g} s: start "
+            "one (ciberrato-simulator), or check host and port"
+        )
 
     def readSensors(self) -> None:
         """Wait for Measures and set `measures`: the newest, if several are there.
@@ -278,12 +307,15 @@ class CRobLink:
 
     def _receive(self) -> list[Measures]:
         found: list[Measures] = []
+        end = time.monotonic() + _SECONDS
         while not found or select.select((self.sock,), (), (), 0.0)[0]:
             try:
-                data, sender = self.sock.recvfrom(_MOST)
+                data, sender = self._next_datagram(end)
             except (TimeoutError, ConnectionError):
                 if found:
                     break
+                if time.monotonic() < end:
+                    continue  # refused: no simulator there just now
                 if 0 < self.simTime <= self.measures.time:
                     print(f"{self.robName}: the run is over (time {self.measures.time})", file=sys.stderr)
                     sys.exit(0)
@@ -301,18 +333,45 @@ class CRobLink:
                 continue
             if not isinstance(message, Measures):
                 continue
-            # A message that a newer one has overtaken is not news; one of time 0 begins a new run.
-            if message.time and 0 < self.measures.time - message.time <= _LATE:
-                continue
-            found.append(message)
+            news = self._order.judge(message)
+            if news is News.BEGUN_AGAIN:  # as ever, the agent goes on in the new run
+                self._order = MessageOrder(self.simTime)
+                news = self._order.judge(message)
+            if news is News.FRESH:
+                found.append(message)
+                if message.start:
+                    self._pace.heard(time.monotonic(), message.time)
         return found
+
+    def _next_datagram(self, end: float) -> tuple[bytes, tuple[str, int]]:
+        """Wait for a datagram, and stop a robot that would go on blindly meanwhile."""
+        patience = self._pace.patience if self._moving else math.inf
+        while True:
+            left = end - time.monotonic()
+            if left <= 0.0:
+                raise TimeoutError
+            self.sock.settimeout(min(left, patience))
+            try:
+                data, sender = self.sock.recvfrom(_MOST)
+            except TimeoutError:
+                if self._moving or patience < math.inf:
+                    self.sock.sendto(encode(Actions(left_motor=0.0, right_motor=0.0)), self._simulator)
+                    self._moving, patience = False, self._pace.seconds
+            else:
+                return data, sender
 
     def _send(self, actions: Actions) -> None:
         if self._unanswered is not None and actions.left_motor is not None:
             # A line a cycle: the first command that was sent in it.
             self._recorder.record(self._unanswered, actions)
             self._unanswered = None
-        self.sock.sendto(encode(actions), (self._place[0], self.port))
+        if actions.left_motor is not None:
+            self._moving = (actions.left_motor, actions.right_motor) != (0.0, 0.0)
+        self.sock.sendto(encode(actions), self._simulator)
+
+    @property
+    def _simulator(self) -> tuple[str, int]:
+        return self._place[0], self.port
 
 
 class CRobLinkAngs(CRobLink):

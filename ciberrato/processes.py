@@ -1,7 +1,7 @@
 """Child processes that run modules of ours, whatever lies in the working folder.
 
-``python -m NAME`` looks into the working folder first: a user's own ``agent.py`` there would run in place of
-ours.
+``python -m NAME`` looks into the working folder first, and every Python into the folders of PYTHONPATH: a
+user's own ``agent.py`` there would run in place of ours.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ ROOT = Path(__file__).resolve().parents[1]
 """The folder that `ciberrato` and the two processes are imported from: a checkout, or site-packages."""
 
 _RUN = (
-    "import runpy, sys; root, module = sys.argv[1:3]; del sys.argv[1:3]; "
+    "import os, runpy, sys; root, module = sys.argv[1:3]; del sys.argv[1:3]; "
+    "users = {os.path.abspath(one) for one in os.environ.get('PYTHONPATH', '').split(os.pathsep)} - {root}; "
+    "sys.path.sort(key=lambda one: one in users); "  # a stable sort: theirs after ours
     "root in sys.path or sys.path.insert(0, root); "
     "runpy.run_module(module, run_name='__main__', alter_sys=True)"
 )

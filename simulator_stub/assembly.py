@@ -8,31 +8,33 @@ import math
 import os
 import re
 import secrets
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from ciberrato.checks.telling import tell
 from ciberrato.checks.things import start_findings, thing_findings
 from ciberrato.errors import UsageError
-from ciberrato.files.atomic import replace_file
 from ciberrato.files.findings import Finding
 from ciberrato.files.lab import default_lab, parse_lab_file
 from ciberrato.files.parameters import parse_parameter_file
 from ciberrato.files.start_grid import GridFile, default_grid, parse_grid_file
 from ciberrato.files.xml import read_file
 from ciberrato.labs import find_grid, find_lab, find_parameters
+from ciberrato.net.address import DEFAULT_HOST
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.options import DEFAULT_ANSWER_LIMIT
+from simulator_stub.recording.date import log_date
 from simulator_stub.recording.log import LogFile
 from simulator_stub.recording.observer import Observer
 from simulator_stub.recording.reference_files import ReferenceFiles
 from simulator_stub.recording.results import Results
 from simulator_stub.recording.truth import TruthFile
+from simulator_stub.service.audience import VIEW_LIMIT, Admission
 from simulator_stub.service.kidnapping import Kidnapper, parse_kidnapping
 from simulator_stub.service.pace import Lockstep, Pace, RealTime
+from simulator_stub.service.ready import tell_ready
 from simulator_stub.service.runs import Runs
 from simulator_stub.service.server import Server, open_transports
 from simulator_stub.service.session import Session
@@ -47,7 +49,9 @@ _LIKE_POSES = re.compile(r"[^/\\]*[,;][^/\\]*|[\s\d.+-]*")
 Print = Callable[[str], None]
 
 
-def build_server(options: argparse.Namespace, *, print_line: Print, notify: Print) -> Server:
+def build_server(
+    options: argparse.Namespace, *, print_line: Print, notify: Print, warn: Print | None = None
+) -> Server:
     """Read the files, open the ports, say so, and put everything together.
 
     Parameters
@@ -58,6 +62,8 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
         Gets the seed and the ports, one line each.
     notify : callable
         Gets messages for people.
+    warn : callable, optional
+        Gets those that they have to know in any case; by default as `notify`.
 
     Returns
     -------
@@ -75,18 +81,27 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
     except ValueError as error:
         raise UsageError(f"argument --sensor: {error}") from None
     kidnapper = _kidnapper(options)
+    host = DEFAULT_HOST if options.bind is None else options.bind
+    losses: list[str] = []
+
+    def lost(line: str) -> None:
+        losses.append(line)
+        (warn or notify)(line)
+
     # Ports first: the files of a simulator that already runs there must not be overwritten.
     transports = open_transports(
-        [name for name in TRANSPORTS if name != "tcp" or options.tcp], options.bind, options.port
+        [name for name in TRANSPORTS if name != "tcp" or options.tcp], host, options.port
     )
     with contextlib.ExitStack() as opened:
         for transport in transports:
             opened.callback(transport.close)
         observers: list[Observer] = []
-        for observer in _observers(options, simulation):
+        for observer in _observers(options, simulation, lost):
             opened.callback(observer.close)
             observers.append(observer)
-        results = Results(seed=seed, scoring=options.scoring, path=options.result, notify=notify)
+        results = Results(
+            seed=seed, scoring=options.scoring, path=options.result, notify=notify, lost=warn or notify
+        )
         observers.append(results)
         opened.pop_all()  # all went well
     session = Session(
@@ -94,6 +109,13 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
         autostart=options.autostart,
         observers=observers,
         kidnapper=kidnapper,
+        restarts=not options.no_restart,
+        admission=Admission(
+            local_only=options.views == "local",
+            own=host,
+            token=options.view_token,
+            limit=options.views if isinstance(options.views, int) else VIEW_LIMIT,
+        ),
         notify=notify,
     )
     runs = Runs(
@@ -104,15 +126,35 @@ def build_server(options: argparse.Namespace, *, print_line: Print, notify: Prin
         most_silent=_silent_cycles(options, parameters),
     )
     print_line(f"seed {seed}")
-    _announce(transports, options.bind, print_line)
+    _announce(transports, host, print_line)
+    _tell_who_is_heard(options, host, notify)
     pace = _pace(options, session, parameters, notify)
     results.answers = session.answers
+    results.dropped = lambda: (
+        session.take_stock(),
+        {number: client.dropped for number, client in session.robots.items()},
+    )
+    results.losses = losses
     if isinstance(pace, Lockstep):
         results.lockstep = pace.counts
     server = Server(session, transports, pace, runs.go_on)
-    if options.ready_file is not None:
-        replace_file(options.ready_file, f"{server.port}\n".encode())
+    server.records_are_whole = lambda: not losses and results.current
+    tell_ready(server.port, options.ready_file, options.ready_fd)
     return server
+
+
+def _tell_who_is_heard(options: argparse.Namespace, host: str, notify: Print) -> None:
+    """Say in one line who can reach the simulator, where that may surprise."""
+    if options.bind is None:
+        notify(
+            "only programs on this machine are heard; for robots on the network, as in a class: "
+            "--bind 0.0.0.0 --views local"
+        )
+    elif not host.startswith("127.") and options.views == "all" and options.view_token is None:
+        notify(
+            f"everybody who reaches {host} may view, start, stop, reset and remove robots; "
+            "--views local or --view-token TEXT limits that"
+        )
 
 
 def _silent_cycles(options: argparse.Namespace, parameters: Parameters) -> int | None:
@@ -189,13 +231,13 @@ def _kidnapper(options: argparse.Namespace) -> Kidnapper | None:
         raise UsageError(f"argument --kidnap: {error}") from None
 
 
-def _observers(options: argparse.Namespace, simulation: Simulation) -> Iterator[Observer]:
+def _observers(options: argparse.Namespace, simulation: Simulation, lost: Print) -> Iterator[Observer]:
     if options.truth is not None:
-        yield TruthFile(options.truth)
+        yield TruthFile(options.truth, lost)
     if options.log is not None:
-        yield LogFile(options.log, time.ctime())
+        yield LogFile(options.log, log_date(options.seed if options.reproducible else None), lost)
     if simulation.scoring.has_documents:
-        yield ReferenceFiles(options.scoring_files)
+        yield ReferenceFiles(options.scoring_files, lost)
 
 
 def _announce(transports: list[Transport], host: str, print_line: Print) -> None:

@@ -10,6 +10,8 @@ import os
 import signal
 import sys
 
+from ciberrato.system.signals import ENDING
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0, or 2 for what the user can put right.
+        Exit status: 0, or 2 for what the user can put right, a disk that was full included.
     """
     former = _take_signals()
     try:
@@ -42,32 +44,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    from ciberrato.errors import CiberratoError
+    from ciberrato.command_line import run_program
     from simulator_stub.options import PROGRAM, parse_arguments
 
-    try:
+    def body() -> int:
         options = parse_arguments(arguments)
         # Only now, as these take a tenth of a second to import.
         from simulator_stub.assembly import build_server
 
-        notify = _notifier(quiet=options.quiet)
-        server = build_server(options, print_line=_print_line, notify=notify)
+        notify, warn = _notifier(quiet=options.quiet), _notifier(quiet=False)
+        server = build_server(options, print_line=_print_line, notify=notify, warn=warn)
         if options.view is None:
-            return _serve(server, notify)
+            return _serve(server, notify, warn)
         from simulator_stub.service.viewer_process import viewer_beside
 
-        host = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind
-        with viewer_beside(f"{host}:{server.port}", options.view):
-            return _serve(server, notify)
-    except CiberratoError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
+        host = "127.0.0.1" if options.bind in (None, "0.0.0.0") else options.bind
+        with viewer_beside(f"{host}:{server.port}", options.view, options.view_token):
+            return _serve(server, notify, warn)
+
+    return run_program(PROGRAM, body)
 
 
 def _take_signals() -> dict[int, Callable[[int, FrameType | None], object] | int | None]:
     """Let both signals end the process at once, until the server has handlers of its own."""
     try:
-        return {number: signal.signal(number, _leave) for number in (signal.SIGINT, signal.SIGTERM)}
+        return {number: signal.signal(number, _leave) for number in ENDING}
     except ValueError:  # not in the main thread: the caller there stops us otherwise
         return {}
 
@@ -78,14 +79,21 @@ def _leave(number: int, frame: FrameType | None) -> NoReturn:
     os._exit(0)
 
 
-def _serve(server: Server, notify: Callable[[str], None]) -> int:
+def _serve(server: Server, notify: Callable[[str], None], warn: Callable[[str], None]) -> int:
     with server.stopping_on_signals():
         try:
             server.run()
             notify(f"ended at time {server.simulation.time}; {server.pace.delays()}")
         finally:
             server.close()
-    return 0
+        dropped = server.session.dropped_in_all()
+        if dropped:
+            parts = (f"{name.replace('_', ' ')} {number}" for name, number in dropped.items())
+            notify(f"dropped in all: {', '.join(parts)} (docs/simulator.md says what these are)")
+    if server.records_are_whole():
+        return 0
+    warn("not all that was to be recorded could be: see above")
+    return 2
 
 
 def _print_line(line: str) -> None:
@@ -97,9 +105,6 @@ def _notifier(*, quiet: bool) -> Callable[[str], None]:
 
     def notify(line: str) -> None:
         if not quiet:
-            try:
-                print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
-            except OSError:  # the reader of our messages may be gone
-                return
+            print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
 
     return notify

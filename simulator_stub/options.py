@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from ciberrato.command_line import ProgramParser
-from ciberrato.errors import did_you_mean
+from ciberrato.errors import UsageError, did_you_mean
 
 PROGRAM = "ciberrato-simulator"
 DEFAULT_ANSWER_LIMIT = 1.0
@@ -38,11 +39,14 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     UsageError
         If it cannot be understood.
     """
-    return _parser().parse_args(arguments)
+    options = _parser().parse_args(arguments)
+    if options.reproducible and options.seed is None:
+        raise UsageError("--reproducible needs --seed N: without it every run is another")
+    return options
 
 
 def _parser() -> argparse.ArgumentParser:
-    from ciberrato.net.address import DEFAULT_PORT  # brings in the whole codec
+    from ciberrato.net.address import DEFAULT_PORT, TOKEN_VARIABLE  # brings in the whole codec
 
     parser = ProgramParser(
         PROGRAM,
@@ -87,6 +91,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     world.add_argument("--seed", type=_seed, metavar="N", help="of all random numbers; default: a fresh one")
     world.add_argument(
+        "--reproducible",
+        action="store_true",
+        help="with --seed: write nothing that the seed does not fix; the log's date is SOURCE_DATE_EPOCH, or "
+        "follows from the seed",
+    )
+    world.add_argument(
         "--kidnap",
         action="append",
         metavar="CYCLE:X,Y,DIR",
@@ -97,10 +107,30 @@ def _parser() -> argparse.ArgumentParser:
         "--port", type=_port, default=DEFAULT_PORT, metavar="N", help="default: 6000; 0 takes any free one"
     )
     network.add_argument(
-        "--bind", default="0.0.0.0", metavar="ADDRESS", help="listen only there; default: everywhere"
+        "--bind",
+        metavar="ADDRESS",
+        help="listen there; 0.0.0.0: on the network, too; default: 127.0.0.1, this machine only",
+    )
+    network.add_argument(
+        "--views",
+        type=_views,
+        default="all",
+        metavar="all|local|N",
+        help="who may view, start, stop, reset and remove: all, only programs on this machine, "
+        "or so many at a time, 0 none; default: all, 256 at a time",
+    )
+    network.add_argument(
+        "--view-token",
+        type=_token,
+        default=os.environ.get(TOKEN_VARIABLE) or None,
+        metavar="TEXT",
+        help=f"that viewers must show (ciberrato-viewer --view-token); default: {TOKEN_VARIABLE}, or none",
     )
     network.add_argument(
         "--tcp", action=argparse.BooleanOptionalAction, default=True, help="listen on TCP, too"
+    )
+    network.add_argument(
+        "--no-restart", action="store_true", help='robots cannot begin the run again by Reset="On"'
     )
     pace = parser.add_argument_group("the pace")
     pace.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="X times real time; default: 1")
@@ -137,6 +167,12 @@ def _parser() -> argparse.ArgumentParser:
     output.add_argument(
         "--ready-file", type=Path, metavar="FILE", help="write the port there as soon as clients can register"
     )
+    output.add_argument(
+        "--ready-fd",
+        type=_descriptor,
+        metavar="N",
+        help="write the port to that open file descriptor, and close it, as soon as clients can register",
+    )
     output.add_argument("--log", type=Path, metavar="FILE", help="write the real simulator's XML log there")
     output.add_argument("--truth", type=Path, metavar="FILE", help="write the true poses there, as CSV")
     output.add_argument("--result", type=Path, metavar="FILE", help="write scores and states there, as JSON")
@@ -168,6 +204,12 @@ def _number(text: str, what: str, *, least: float, most: float) -> int:
     return value
 
 
+def _token(text: str) -> str:
+    if not (text.isascii() and text.isprintable() and 0 < len(text) <= 200):
+        raise argparse.ArgumentTypeError("the token must be 1 to 200 printable ASCII characters")
+    return text
+
+
 def _scoring(text: str) -> int | str:
     """Read a scoring mode, by number or by name; one that others wrote by its own name or place."""
     numbers = {name: number for number, name in SCORING_MODES.items()}
@@ -193,8 +235,24 @@ def _count(text: str) -> int:
     return _number(text, "a number of robots, 0 or more", least=0, most=math.inf)
 
 
+def _views(text: str) -> int | str:
+    if text in ("all", "local"):
+        return text
+    return _number(text, "all, local, or a number of views, 0 or more", least=0, most=math.inf)
+
+
 def _runs(text: str) -> int:
     return _number(text, "a number of runs, 1 or more", least=1, most=math.inf)
+
+
+def _descriptor(text: str) -> int:
+    what = "an open file descriptor, 1 or more"
+    number = _number(text, what, least=1, most=2**31 - 1)
+    try:
+        os.fstat(number)
+    except OSError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not {what}") from None
+    return number
 
 
 def _seed(text: str) -> int:

@@ -12,7 +12,8 @@ import pytest
 
 from tests.recordings import GOLDEN, LABS, VARIABLES
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
+SIGNALS = tuple(getattr(signal, name) for name in NAMES if hasattr(signal, name))
 
 
 def pytest_configure() -> None:

@@ -7,10 +7,10 @@ A subcommand is a module here with ``make_parser()`` and ``run(options, interrup
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 
-from ciberrato.errors import CiberratoError, UsageError, did_you_mean
+from ciberrato.command_line import run_program
+from ciberrato.errors import UsageError, did_you_mean
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ SUBCOMMANDS = {
     "overlay": ("RUN -m LAB", "a run as it goes on, in a ciberrato-viewer"),
 }
 """By name, which is the module's, too: what it is called with, and what it is for."""
+_SHOWING = ("inspect", "compare")
+"""Those that write no file: what they print is all their work."""
 DRIVE = "drive"
 """The module that takes a command line without a subcommand."""
 
@@ -51,7 +53,8 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     name = words.pop(0) if words and words[0] in SUBCOMMANDS else DRIVE
-    try:
+
+    def body() -> int:
         if name == DRIVE and words and not words[0].startswith("-"):
             # No option, so a subcommand was meant; the drive takes nothing but options.
             listed = ", ".join(SUBCOMMANDS)
@@ -59,14 +62,6 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
             raise UsageError(f"there is no subcommand {words[0]!r}; there are {listed}{meant}")
         command = importlib.import_module(f"agent.commands.{name}")
         status: int = command.run(command.make_parser().parse_args(words), interrupts)
-        sys.stdout.flush()
-    except CiberratoError as error:
-        from agent.run.reporter import Reporter
+        return status
 
-        Reporter().warn(str(error))
-        return 2
-    except BrokenPipeError:
-        # The reader of our output has seen enough; what is still buffered must not fail at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    return status
+    return run_program("ciberrato-agent", body, shows=lambda: name in _SHOWING)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.commands.files import named_lab
-from agent.commands.parser import OptionParser, add_replay
-from agent.run.reporter import PROGRAM
+from agent.commands.parser import OptionParser, add_replay, add_salvage
+from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def make_parser() -> OptionParser:
         help="draw the robot at the simulator's true poses (CSV); a simulator's log has them",
     )
     add_replay(parser)
+    add_salvage(parser)
     add("--every", type=int, default=4, metavar="N", help="cycles a frame; default: 4")
     return parser
 
@@ -46,7 +47,12 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     check_animation(options.output)
     if options.every < 1:
         raise UsageError(f"--every: {options.every} is not a number of cycles, 1 or more")
-    run, lab, poses = read_recorded(options.run, options.angles, robot=options.robot)
+    run, lab, poses = read_recorded(
+        options.run,
+        options.angles,
+        robot=options.robot,
+        salvage=Reporter().warn if options.salvage else None,
+    )
     if lab is None or options.map is not None:
         lab = named_lab(options.map, options.run)
     if options.truth is not None:

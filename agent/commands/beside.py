@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import select
 import signal
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from types import FrameType
+from ciberrato.system.process import apart, when_input_ends
+from ciberrato.system.signals import ENDING
 
 
 @contextlib.contextmanager
@@ -30,12 +27,10 @@ def beside(log: Path, *views: Sequence[str]) -> Iterator[None]:
     from ciberrato.processes import module_command
 
     log.unlink(missing_ok=True)
-    # A process group of their own: Ctrl-C is meant for the run. The end of the pipe ends them, when the log
-    # is complete, or when this process is no more.
+    # Apart from us: Ctrl-C is meant for the run. The end of the pipe ends them, when the log is complete, or
+    # when this process is no more.
     processes = [
-        subprocess.Popen(
-            module_command("agent", *view, "--until-eof"), stdin=subprocess.PIPE, process_group=0
-        )
+        subprocess.Popen(module_command("agent", *view, "--until-eof"), stdin=subprocess.PIPE, **apart())
         for view in views
     ]
     try:
@@ -56,16 +51,15 @@ class Ending:
     """
 
     def __init__(self, until_eof: bool) -> None:
-        self._until_eof = until_eof
         self._told = False
-        signal.signal(signal.SIGTERM, self._tell)
-        signal.signal(signal.SIGINT, self._tell)
+        for number in ENDING:
+            signal.signal(number, self._tell)
+        if until_eof:
+            when_input_ends(self._tell)
 
     def __call__(self) -> bool:
         """Return whether to end."""
-        if self._until_eof and select.select([0], [], [], 0.0)[0]:
-            self._told = self._told or not os.read(0, 1024)
         return self._told
 
-    def _tell(self, number: int, frame: FrameType | None) -> None:
+    def _tell(self, *_: object) -> None:
         self._told = True

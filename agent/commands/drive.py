@@ -14,9 +14,10 @@ from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
-    from agent.run.session import Settings
+    from agent.run.session import Session, Settings
     from agent.run.signals import Interrupts
 
+_SIGNALLED = 128
 DEFAULT_MAP = "standard"
 DEFAULT_LOG = Path("run.jsonl")
 
@@ -48,14 +49,47 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrupts) -> int:
-    from agent.run.session import Session
+    """Drive, and with ``--reconnect`` again, as often as the simulator goes away; return the exit status."""
+    import dataclasses
+    from itertools import count
 
     reporter = Reporter(quiet=settings.quiet)
+    status: int | None = None
+    for number in count(2):
+        session = _session(options, settings, interrupts, reporter)
+        try:
+            last = session.run()
+        except UsageError as error:
+            if not (settings.reconnect and session.lost_contact):
+                raise
+            reporter.warn(str(error))
+        else:
+            # A signal that comes before anything was recorded again takes nothing back.
+            status = last if status is None or last < _SIGNALLED else status
+        if interrupts.received or not (settings.reconnect and session.lost_contact):
+            break
+        settings = dataclasses.replace(
+            settings, log=_numbered(options.log, number), output=_numbered(options.output, number)
+        )
+        reporter.warn(f"registering again; this run's files are {settings.log} and {settings.output}")
+    return interrupts.status if status is None else status
+
+
+def _numbered(path: Path, number: int) -> Path:
+    """Return the name of a file of another run: run.jsonl, run.2.jsonl, run.3.jsonl."""
+    return path.with_name(f"{path.stem}.{number}{path.suffix}")
+
+
+def _session(
+    options: argparse.Namespace, settings: Settings, interrupts: Interrupts, reporter: Reporter
+) -> Session:
+    from agent.run.session import Session
+
     if not options.online and options.drive == (RIGHT, None) and not options.smooth:
         from agent.run.published_method import PublishedMethod
 
         published = PublishedMethod(settings, interrupts, reporter)
-        return Session(settings, interrupts, reporter, published).run()
+        return Session(settings, interrupts, reporter, published)
     from agent.run.live_method import LiveMethod, LiveSettings
     from ciberrato.localization.evidence.start_prior import check_start, parse_start
 
@@ -73,8 +107,7 @@ def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrup
         show=not settings.quiet,
         lockstep=options.lockstep,
     )
-    method = LiveMethod(settings, live, interrupts, reporter)
-    return Session(settings, interrupts, reporter, method).run()
+    return Session(settings, interrupts, reporter, LiveMethod(settings, live, interrupts, reporter))
 
 
 def settings_of(options: argparse.Namespace) -> Settings:
@@ -109,6 +142,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
         silence=options.silence,
         give_up_after=options.give_up_after,
         quiet=options.quiet,
+        reconnect=options.reconnect,
     )
 
 
@@ -196,6 +230,11 @@ def make_parser() -> OptionParser:
         type=option_types.seconds,
         metavar="SECONDS",
         help="end if no simulator has answered for so long; default: never",
+    )
+    add(
+        "--reconnect",
+        action="store_true",
+        help="when the simulator has gone, register again and localize anew: run.2.jsonl, localization.2.out",
     )
     add(
         "--seed",

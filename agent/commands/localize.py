@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.commands.files import check_output, read_lab_file
-from agent.commands.parser import PRESETS, OptionParser, add_output, add_precision, add_replay, add_strict
+from agent.commands.parser import (
+    PRESETS,
+    OptionParser,
+    add_output,
+    add_precision,
+    add_replay,
+    add_salvage,
+    add_strict,
+)
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
@@ -45,6 +53,7 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     recorded, lab = _read(options)
     if not recorded.steps:
         raise UsageError(f"{options.run}: no step was recorded: the robot never stood looking to the right")
+    from agent.offline.doubts import missing_in
     from agent.offline.exit_status import WRONG_MAP
     from agent.offline.localization import (
         expected_readings_of,
@@ -54,6 +63,9 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     )
     from agent.offline.map_fit import wrong_map
 
+    missing = missing_in(recorded)
+    if missing is not None:
+        Reporter().warn(f"{options.run}: {missing}")
     interrupts.arm()  # from here on a signal must not harm the file
     if not recorded.drives_right:
         return _filter_poses(options, recorded, lab)
@@ -124,7 +136,7 @@ def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
         return run, lab if options.map is None else read_lab_file(options.map, strict=options.strict)[0]
     from ciberrato.files.run_log import read_run
 
-    run = read_run(options.run)
+    run = read_run(options.run, salvage=Reporter().warn if options.salvage else None)
     wanted = options.map
     if wanted is None:
         from ciberrato.labs import lab_with_hash
@@ -171,6 +183,7 @@ def make_parser() -> OptionParser:
     add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
     add_precision(parser, default=None)
     add_replay(parser)
+    add_salvage(parser)
     add("--animate", type=Path, metavar="FILE", help="draw the run as a moving picture: .gif, .html, .mp4")
     add("--quiet", action="store_true", help="no table")
     return parser

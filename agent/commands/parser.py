@@ -94,3 +94,17 @@ def add_replay(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="which one of a simulator's log; default: the first",
     )
+
+
+def add_salvage(parser: argparse.ArgumentParser) -> None:
+    """Add ``--salvage``.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
+    parser.add_argument(
+        "--salvage",
+        action="store_true",
+        help="leave out lines of the log that cannot be read, with a warning each",
+    )

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+import math
+import time as clock
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ciberrato.client.pace import Pace
 from ciberrato.client.requests import RequestRota
-from ciberrato.physics.kinematics import Command
+from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
+from ciberrato.protocol.order import LATE, MessageOrder, News
 from ciberrato.world.parameters import Parameters
 
-_COMMANDS_KEPT = 20  # the newest; an older one cannot be the last before a message
-_LONGEST_STEP_BACK = 50  # cycles; a time farther back than a late message can be is that of a new simulation
+_JUDGED = 2000  # messages that one look at the network may bring
+_COMMANDS_KEPT = 60  # the newest; an older one cannot be the last before a message
+
+
+class _Sent(NamedTuple):
+    """A command, when it left, and whether it only stops a robot that is not heard."""
+
+    time: float
+    command: Command
+    stop: bool
 
 
 class Exchange:
@@ -29,9 +45,28 @@ class Exchange:
         """Simulated cycles whose Measures never came."""
         self.unanswered = 0
         """Measures that were overtaken by a newer one before they were answered."""
+        self.longest_gap = 0
+        """Most cycles in a row whose Measures never came."""
+        self.stops = 0
+        """How often the robot was stopped as nothing was heard."""
+        self.begun_again = False
+        """Whether several messages in a row have said that another run has begun."""
+        self.lockstep = False
+        """Whether the simulator is known to wait for every answer: then no clock has a say."""
+        self.pace = Pace(parameters.cycle_time)
+        """Whether the simulator keeps real time."""
+        self.round_trip = 0.0
+        """Seconds, at least, from sending a message to receiving what it did; counts in real time only."""
         self._parameters = parameters
         self._requests = RequestRota(parameters)
-        self._sent: list[tuple[float, Command]] = []
+        self._order = MessageOrder(parameters.sim_time)
+        self._judged: deque[tuple[Measures, News]] = deque(maxlen=_JUDGED)
+        self._sent: list[_Sent] = []
+
+    @property
+    def stale(self) -> int:
+        """Messages that were late, doubled or spoilt, and were left out."""
+        return self._order.stale
 
     def sent(self, time: float) -> None:
         """Note when the last answer left.
@@ -42,50 +77,128 @@ class Exchange:
             Seconds, by the clock that stamps the arrivals.
         """
         if self.command is not None:
-            self._sent = [*self._sent[-_COMMANDS_KEPT:], (time, self.command)]
+            self._note(time, self.command)
 
-    def command_in_effect(self, arrived: float | None) -> Command | None:
+    def stopped(self, time: float) -> Actions:
+        """Note that the robot is stopped, as nothing is heard, and return the message that does it.
+
+        Parameters
+        ----------
+        time : float
+            See `sent`.
+        """
+        self.stops += self.is_moving
+        self._note(time, STANDSTILL, stop=True)
+        return Actions(left_motor=0.0, right_motor=0.0)
+
+    def _note(self, time: float, command: Command, *, stop: bool = False) -> None:
+        self._sent = [*self._sent[-_COMMANDS_KEPT:], _Sent(time, command, stop)]
+
+    @property
+    def is_moving(self) -> bool:
+        """Return whether the last command sent lets the robot move."""
+        return bool(self._sent) and self._sent[-1].command != STANDSTILL
+
+    def command_in_effect(self, arrived: float | None, time: int | None = None) -> Command | None:
         """Return the command that moved the robot in the cycle that a message is about.
 
         Parameters
         ----------
         arrived : float or None
             When the message arrived; None = not known, taken to be after the last answer.
+        time : int or None
+            Of the message, in simulated cycles. After some that never came it is not known whether a stop has
+            reached the robot: then it is not counted, and the filter allows for both.
 
         Returns
         -------
         (float, float) or None
-            The last one that had left before the message was there. An answer that leaves later, because this
-            process had no time, acts in a later cycle.
+            The last one that had left, by the time on the way, before the message was sent. An answer that
+            leaves later, because this process had no time, acts in a later cycle.
         """
         if arrived is None or not self._sent:
             return self.command
-        earlier = [command for time, command in self._sent if time < arrived]
+        unsure = time is not None and self.time is not None and time - self.time > 1
+        earlier = [
+            sent.command
+            for sent in self._sent
+            if sent.time < arrived - self._on_the_way and not (unsure and sent.stop)
+        ]
         return earlier[-1] if earlier else None
 
     def under_way(self, arrived: float | None) -> int:
-        """Count the newest answers that had not left when a message arrived: they act after its next cycle.
+        """Count the newest answers that had not acted when a message was sent: they act after its next cycle.
 
         Parameters
         ----------
         arrived : float or None
             See `command_in_effect`.
         """
-        return 0 if arrived is None else sum(time >= arrived for time, _ in self._sent)
+        if arrived is None:
+            return 0
+        return sum(one.time >= arrived - self._on_the_way and not one.stop for one in self._sent)
 
-    def is_late(self, measures: Measures) -> bool:
-        """Return whether a newer message has come before this one."""
-        return self.time is not None and measures.time < self.time
+    @property
+    def _on_the_way(self) -> float:
+        return self.round_trip if self.pace.is_real_time and not self.lockstep else 0.0
 
-    def is_of_another_run(self, measures: Measures) -> bool:
-        """Return whether a message that is late cannot be of this simulation: it has begun again."""
-        assert self.time is not None
-        return self.time - measures.time > _LONGEST_STEP_BACK or measures.time == 0
+    def news(self, messages: Sequence[tuple[Measures, float | None]]) -> list[tuple[Measures, float | None]]:
+        """Sort out what has come together: messages that are news, in the order of their times.
+
+        Parameters
+        ----------
+        messages : sequence of (Measures, float or None)
+            With the times of their arrival.
+
+        Returns
+        -------
+        list of (Measures, float or None)
+            In real time a message has arrived a cycle before the next one at the latest: what is held up on
+            the way comes all at once. The times are corrected by that.
+        """
+        times = [measures.time for measures, _ in messages]
+        ordered = list(messages)
+        if times and max(times) - min(times) <= LATE:
+            ordered.sort(key=lambda one: one[0].time)
+        fresh = []
+        for measures, arrived in ordered:
+            news = self.judge(measures)
+            self.begun_again |= news is News.BEGUN_AGAIN
+            if news is News.FRESH:
+                fresh.append((measures, arrived))
+                if measures.start:
+                    self.pace.heard(clock.time() if arrived is None else arrived, measures.time)
+        if not self.pace.is_real_time:
+            return fresh
+        latest, after = math.inf, 0
+        for number in range(len(fresh) - 1, -1, -1):
+            measures, arrived = fresh[number]
+            if arrived is not None:
+                latest = min(arrived, latest - self.pace.seconds * max(after - measures.time, 0))
+                fresh[number] = measures, latest
+            after = measures.time
+        return fresh
+
+    @property
+    def patience(self) -> float:
+        """Seconds without news after which the robot is to be stopped; infinite where it stands anyway."""
+        return self.pace.patience if self.is_moving and not self.lockstep else math.inf
+
+    def judge(self, measures: Measures) -> News:
+        """Return whether a message is news; each is judged once."""
+        for known, news in self._judged:
+            if known is measures:
+                return news
+        self._judged.append((measures, self._order.judge(measures)))
+        return self._judged[-1][1]
 
     def take(self, measures: Measures) -> None:
-        """Note a message that is not late."""
+        """Note a message that is news."""
+        self._judged = deque((one for one in self._judged if one[0] is not measures), _JUDGED)
         if self.time is not None:
-            self.lost += max(measures.time - self.time - 1, 0)
+            missing = max(measures.time - self.time - 1, 0)
+            self.lost += missing
+            self.longest_gap = max(self.longest_gap, missing)
         self.time = measures.time
 
     def answer(self, command: Command) -> Actions:
@@ -100,3 +213,19 @@ class Exchange:
         if 0 < self._parameters.sim_time <= measures.time:
             return "the run's time is up"
         return None
+
+    def summary(self) -> str | None:
+        """Say what was missing, or None if nothing was."""
+        told = []
+        if self.lost:
+            longest = f", {self.longest_gap} of them in a row" * (self.longest_gap > 1)
+            told.append(f"{self.lost} cycles without Measures{longest}")
+        if self.unanswered:
+            told.append(f"{self.unanswered} Measures not answered, as newer ones were waiting")
+        if self.stale:
+            told.append(f"{self.stale} late, doubled or spoilt Measures left out")
+        if self.stops:
+            told.append(f"stopped {self.stops} times while nothing was heard")
+        if self.round_trip > 0.0 and self.pace.is_real_time:
+            told.append(f"{1000 * self.round_trip:.0f} ms and more on the way, there and back")
+        return "; ".join(told) or None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,7 +30,13 @@ class Recorded(NamedTuple):
     truth: dict[int, PoseInDegrees] | None
 
 
-def read_recorded(path: Path, angles: SensorAngles, *, robot: int | None = None) -> Recorded:
+def read_recorded(
+    path: Path,
+    angles: SensorAngles,
+    *,
+    robot: int | None = None,
+    salvage: Callable[[str], None] | None = None,
+) -> Recorded:
     """Read the log of a run, whosever it is.
 
     Parameters
@@ -39,6 +46,8 @@ def read_recorded(path: Path, angles: SensorAngles, *, robot: int | None = None)
         Of the IR sensors in degrees, for a simulator's log, which does not tell.
     robot : int or None
         Which one of a simulator's log; None = the first.
+    salvage : callable, optional
+        Told of lines of an agent's log that cannot be read and are left out; see `read_run`.
 
     Returns
     -------
@@ -52,6 +61,6 @@ def read_recorded(path: Path, angles: SensorAngles, *, robot: int | None = None)
         If that robot is not in it.
     """
     if not is_simulator_log(path):
-        return Recorded(read_run(path), None, None)
+        return Recorded(read_run(path, salvage=salvage), None, None)
     replay, lab = replay_of(path, angles, robot=robot)
     return Recorded(replay.run, lab, replay.poses)

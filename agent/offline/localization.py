@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from agent.offline.localizer import Localization, Preset, localize
+from agent.offline.doubts import doubts_of
+from agent.offline.localizer import NO_DOUBT, Localization, Preset, localize
 from agent.offline.map_fit import Fit, map_fit
 from ciberrato.files.beliefs import read_beliefs, write_beliefs
 
@@ -53,11 +55,14 @@ def localize_run(
     -------
     Localization
     """
+    preset = run.header.preset if preset is None else preset
     return localize(
         [step.readings for step in run.steps],
         expected,
-        preset=run.header.preset if preset is None else preset,
+        preset=preset,
         obstacle_noise=run.header.parameters.obstacle_noise,
+        # The published method as it is takes every step for one.
+        doubts=doubts_of(run) if preset == "calibrated" else None,
     )
 
 
@@ -104,7 +109,11 @@ def fit_of(run: RecordedRun, expected: ExpectedReadings) -> Fit:
     -------
     Fit
     """
-    return map_fit([step.readings for step in run.steps], expected, run.header.parameters.obstacle_noise)
+    steps = zip(run.steps, doubts_of(run), strict=True)
+    # From the first gap on it is not sure that a reading is that of the cell it is taken for.
+    sure = itertools.takewhile(lambda one: one[1] == NO_DOUBT, steps)
+    readings = [step.readings for step, _ in sure]
+    return map_fit(readings, expected, run.header.parameters.obstacle_noise)
 
 
 def print_localization(localization: Localization, output: Path, stream: TextIO | None = None) -> None:

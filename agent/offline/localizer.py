@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,24 @@ if TYPE_CHECKING:
 
 Preset = Literal["seed", "calibrated"]
 PRESETS: tuple[Preset, ...] = ("seed", "calibrated")
+
+
+class Doubt(NamedTuple):
+    """What is not sure of a step, after a gap in which the robot may have been stopped.
+
+    Attributes
+    ----------
+    step : float
+        Probability that no cell was entered.
+    reading : float
+        Probability that the reading was taken elsewhere than at a cell's centre, and tells nothing.
+    """
+
+    step: float = 0.0
+    reading: float = 0.0
+
+
+NO_DOUBT = Doubt()
 
 LEAST_NOISE = 0.01
 """Standard deviation in 1/units that `calibrated` assumes where less is announced. A robot a hair's breadth
@@ -70,6 +88,7 @@ def localize(
     *,
     preset: Preset = "calibrated",
     obstacle_noise: float = 0.1,
+    doubts: Sequence[Doubt] | None = None,
 ) -> Localization:
     """Run the filter over the recorded steps.
 
@@ -83,6 +102,8 @@ def localize(
         See the module's text.
     obstacle_noise : float
         Standard deviation that the simulator announced, in 1/units; `calibrated` uses it.
+    doubts : sequence of Doubt, optional
+        Of each step; default: none.
 
     Returns
     -------
@@ -116,11 +137,26 @@ def localize(
         else:
             noise = max(obstacle_noise, LEAST_NOISE)
             log_likelihood = calibrated_log_likelihood(reading, expected, noise, at_start=step == 0)
+        if doubts is not None and doubts[step] != NO_DOUBT:
+            predicted, log_likelihood = _widened(beliefs[-1], predicted, log_likelihood, doubts[step])
         posterior, log_evidence[step] = update(predicted, log_likelihood, on_impossible="likelihood")
         if log_evidence[step] == -np.inf:
             recoveries.append(step)
         beliefs.append(posterior)
     return Localization(beliefs=np.array(beliefs), log_evidence=log_evidence, recoveries=tuple(recoveries))
+
+
+def _widened(
+    before: Floats, predicted: Floats, log_likelihood: Floats, doubt: Doubt
+) -> tuple[Floats, Floats]:
+    """Return prediction and log-likelihood of a step that may not have been one."""
+    predicted = (1.0 - doubt.step) * predicted + doubt.step * before
+    if doubt.reading > 0.0 and np.isfinite(log_likelihood).any():
+        best = log_likelihood.max()
+        likelihood = np.exp(log_likelihood - best)
+        mixed = (1.0 - doubt.reading) * likelihood + doubt.reading * likelihood.mean()
+        log_likelihood = np.log(mixed) + best
+    return predicted, log_likelihood
 
 
 def seed_log_likelihood(reading: Floats, expected: Floats) -> Floats:

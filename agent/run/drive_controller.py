@@ -12,6 +12,7 @@ from agent.drives.throttle import Throttle
 from ciberrato.files.run_records import Cycle
 from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
+from ciberrato.protocol.order import News
 
 if TYPE_CHECKING:
     from agent.drives.base import Drive
@@ -81,16 +82,18 @@ class DriveController:
         actions : Actions or None
             The answer; None to a message that is not the newest.
         """
-        if not self.exchange.is_late(measures):
+        news = self.exchange.judge(measures)
+        if news is News.FRESH:
             self.exchange.take(measures)
             if measures.end_led:  # set by the drive itself: it has arrived
                 self.ended = self.finished or "EndLed is on"
             else:
                 self.ended = self.exchange.end_of_time(measures) or self.ended
-        elif self.exchange.is_of_another_run(measures):
+        elif news is News.BEGUN_AGAIN:
             self.ended = "the simulator has begun again"
-        answered = newest and self.ended is None
-        self.exchange.unanswered += not newest
+        # While nothing moves every message is answered, however many there are: a seed then gives one log.
+        answered = (newest or not measures.start) and self.ended is None and news is News.FRESH
+        self.exchange.unanswered += measures.start and not newest and news is News.FRESH
         actions = self._answer(measures, self.exchange.under_way(arrived)) if answered else None
         return self._record(measures, self.exchange.command, answered), actions
 

@@ -11,6 +11,7 @@ from agent.run.drive_controller import DriveController
 from agent.run.live_belief import BeliefLog
 from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.protocol.messages import Actions, Measures
+from ciberrato.protocol.order import News
 
 if TYPE_CHECKING:
     from agent.drives.base import Drive
@@ -64,7 +65,7 @@ class LiveController:
         )
         self.cell_entered: tuple[int, int] | None = None
         """The cell that the last message found the robot to have entered, if it did."""
-        self._lockstep = lockstep
+        self._lockstep = self.exchange.lockstep = lockstep
         self._arrived: float | None = None
         self._cell: tuple[int, int] | None = None
         self._crossings = 0
@@ -88,8 +89,8 @@ class LiveController:
         self._arrived = arrived if newest else None
         if self._lockstep:
             arrived = None
-        if not self.exchange.is_late(measures):
-            self.localizer.feed(measures, self.exchange.command_in_effect(arrived))
+        if self.exchange.judge(measures) is News.FRESH:
+            self.localizer.feed(measures, self.exchange.command_in_effect(arrived, measures.time))
         cycle, actions = self.controller.observe(measures, newest=newest, arrived=arrived)
         return self._add_pose(cycle, measures), actions
 

@@ -187,6 +187,15 @@ class LiveMethod:
         )
 
     @property
+    def log_is_whole(self) -> bool:
+        """See `Method.log_is_whole`."""
+        return self._published.log_is_whole
+
+    @log_is_whole.setter
+    def log_is_whole(self, value: bool) -> None:
+        self._published.log_is_whole = value
+
+    @property
     def failure(self) -> str | None:
         """See `Method.failure`."""
         return self._published.failure

@@ -36,6 +36,8 @@ class PublishedMethod:
         self._interrupts = interrupts
         self._reporter = reporter
         self._late = late
+        self.log_is_whole = True
+        """See `Method.log_is_whole`."""
         self._worker: ExpectedReadingsWorker | None = None
 
     def prepare(self) -> bool:
@@ -98,7 +100,8 @@ class PublishedMethod:
                 precision=settings.precision,
             )
         except Exception:
-            self._reporter.warn(f"{settings.output} is not written; the log {settings.log} has the whole run")
+            has = "has the whole run" if self.log_is_whole else "has the run but for its last lines"
+            self._reporter.warn(f"{settings.output} is not written; the log {settings.log} {has}")
             raise
         stop()
         if not settings.quiet:

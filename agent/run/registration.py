@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from agent.run.reporter import Reporter
 from agent.run.signals import Interrupts
 from ciberrato.errors import ProtocolError, UsageError
-from ciberrato.net.link import Link, LinkError
+from ciberrato.net.link import Arrival, Link, LinkError
 from ciberrato.protocol import Acceptance, Refusal, RobotRegistration, decode_simulator_message, encode
 
 FIRST_WAIT = 1.0
@@ -18,6 +18,8 @@ FIRST_WAIT = 1.0
 means being refused, or taking a second place."""
 
 LONGEST_WAIT = 5.0
+REFUSAL_PATIENCE = 0.5
+"""Seconds that an acceptance may still come after a refusal, which over UDP can be anybody's."""
 _REMINDER = 30.0
 _REFUSED = (
     "the connection is refused, no simulator listens on TCP there (the real simulator speaks UDP only: "
@@ -35,10 +37,13 @@ class Answer:
     acceptance : Acceptance
     following : tuple of bytes
         Messages that came right behind it.
+    seconds : float
+        From the last attempt to its arrival.
     """
 
     acceptance: Acceptance
     following: tuple[bytes, ...]
+    seconds: float = 0.0
 
 
 def register(
@@ -50,6 +55,7 @@ def register(
     *,
     give_up_after: float | None = None,
     when_sent: Callable[[], None] | None = None,
+    patient: bool = False,
 ) -> Answer | None:
     """Register a robot.
 
@@ -65,6 +71,8 @@ def register(
         Seconds.
     when_sent : callable or None
         Called once, after the first attempt: what can be prepared while the simulator thinks.
+    patient : bool
+        Whether to try again after a refusal.
 
     Returns
     -------
@@ -81,12 +89,19 @@ def register(
     end = math.inf if give_up_after is None else began + give_up_after
     wait, next_try, reminder = FIRST_WAIT, began, began + FIRST_WAIT
     refusals = 0
+    refused, sent = math.inf, time.time()  # when a Refusal has come, and the last attempt has left
     while not interrupts.received:
         now = time.monotonic()
         if now >= end:
             why = f": {_REFUSED}" if refusals else ""
             raise UsageError(f"no simulator has answered at {place} in {give_up_after:g} s{why}")
-        if now >= next_try:
+        if now >= refused + REFUSAL_PATIENCE:
+            if not patient:
+                raise _refused(registration, place)
+            reporter.warn_once(f"{place} refuses {registration.name!r}; trying again")
+            refused, next_try = math.inf, now + LONGEST_WAIT
+        if now >= next_try and refused == math.inf:
+            sent = time.time()
             _attempt(link, data, reporter)
             refusals = refusals + 1 if link.refused else 0
             if refusals == _PATIENCE:
@@ -97,18 +112,22 @@ def register(
             next_try = time.monotonic() + wait
             wait = min(1.5 * wait, LONGEST_WAIT)
         try:
-            messages = link.receive_waiting()
+            arrivals = link.receive_arrivals()
             watched: int | None = link.fileno()
         except LinkError:  # no simulator is there, or no longer: wait for the next attempt
-            messages, watched = [], None
-        answer = _find_answer(messages, registration, place, reporter)
+            arrivals, watched = [], None
+        answer, is_refused = _find_answer(arrivals, sent, place, reporter)
         if answer is not None:
             return answer
         now = time.monotonic()
+        if is_refused:
+            # Any program that knows the port can say so; the simulator itself accepts within a cycle.
+            refused = min(refused, now)
         if now >= reminder:
             reporter.say(f"waiting for a simulator at {place} (Ctrl-C ends this)")
             reminder = now + _REMINDER
-        interrupts.wait(watched, min(next_try, reminder, end) - now)
+        due = next_try if refused == math.inf else refused + REFUSAL_PATIENCE
+        interrupts.wait(watched, min(due, reminder, end) - now)
     return None
 
 
@@ -120,22 +139,28 @@ def _attempt(link: Link, data: bytes, reporter: Reporter) -> None:
 
 
 def _find_answer(
-    messages: list[bytes], registration: RobotRegistration, place: str, reporter: Reporter
-) -> Answer | None:
-    for index, data in enumerate(messages):
+    arrivals: list[Arrival], sent: float, place: str, reporter: Reporter
+) -> tuple[Answer | None, bool]:
+    """Return the answer among what has arrived, and whether there is a refusal."""
+    is_refused = False
+    for index, arrival in enumerate(arrivals):
         try:
-            message = decode_simulator_message(data)
+            message = decode_simulator_message(arrival.data)
         except ProtocolError as error:
             reporter.warn_once(f"{place} answers, but not like a CiberRato simulator: {error}")
             continue
         if isinstance(message, Acceptance):
-            return Answer(message, tuple(messages[index + 1 :]))
-        if isinstance(message, Refusal):
-            asked = f"position {registration.robot_id}" if registration.robot_id else "any free position"
-            raise UsageError(
-                f"the simulator at {place} refuses {registration.name!r} at {asked}: the position is taken "
-                "or not in its start grid, no position is free, or the simulation is already running; choose "
-                "another position (-p), or start the simulator anew (it keeps the robots of programs that "
-                "were ended)"
-            )
-    return None
+            following = tuple(later.data for later in arrivals[index + 1 :])
+            seconds = max((arrival.time or time.time()) - sent, 0.0)
+            return Answer(message, following, seconds), False
+        is_refused |= isinstance(message, Refusal)
+    return None, is_refused
+
+
+def _refused(registration: RobotRegistration, place: str) -> UsageError:
+    asked = f"position {registration.robot_id}" if registration.robot_id else "any free position"
+    return UsageError(
+        f"the simulator at {place} refuses {registration.name!r} at {asked}: the position is taken or not in "
+        "its start grid, no position is free, or the simulation is already running; choose another position "
+        "(-p), or start the simulator anew (it keeps the robots of programs that were ended)"
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from ciberrato.world.lab import Lab
 
 _STOPPED_CYCLES = 5  # a simulator that starts by itself does so after one or two
+_STOPS = 3  # times that the last stop is repeated, a cycle apart
 _SILENT_CYCLES = 3  # a simulator is not silent before it has missed so many cycles
 
 
@@ -62,6 +64,8 @@ class Settings:
         Seconds without Measures after which the simulator is taken to be gone.
     give_up_after : float or None
         Seconds without an answer to the registration.
+    reconnect : bool
+        Whether another run follows one whose simulator has gone: then refusals are waited out, too.
     quiet : bool
         Whether to print nothing but errors.
     """
@@ -86,6 +90,7 @@ class Settings:
     silence: float
     give_up_after: float | None
     quiet: bool
+    reconnect: bool = False
 
 
 class Responder(Protocol):
@@ -125,6 +130,9 @@ class Method(Protocol):
     def controller(self, header: RunHeader) -> Responder:
         """Return what answers the messages."""
         ...
+
+    log_is_whole: bool
+    """Whether the log has all messages of the run; set before `finish`."""
 
     @property
     def failure(self) -> str | None:
@@ -172,6 +180,9 @@ class Session:
         self._method = method
         self._header: RunHeader | None = None
         self._cycles: list[Cycle] = []
+        self._exchange: Exchange | None = None
+        self.lost_contact = False
+        """Whether the run has ended because the simulator was not heard any more, or has begun again."""
 
     def run(self) -> int:
         """Register, drive, and write the belief file.
@@ -209,6 +220,7 @@ class Session:
                 self._reporter,
                 give_up_after=settings.give_up_after,
                 when_sent=self._method.begin,
+                patient=settings.reconnect,
             )
             reason = "interrupted" if answer is None else self._drive(link, answer)
             return self._finish(link, reason)
@@ -244,15 +256,16 @@ class Session:
         except OSError as error:
             raise UsageError(f"{settings.log}: cannot be written: {error.strerror}") from None
         controller = self._method.controller(self._header)
+        self._exchange = exchange = controller.exchange
+        # The simulator answers a registration in its next cycle: what is beyond that was spent on the way.
+        exchange.round_trip = max(answer.seconds - exchange.pace.seconds, 0.0)
         with writer:
             waiting = [Arrival(data, None) for data in answer.following]
             reason = self._answer_measures(link, controller, writer, waiting)
-        exchange = controller.exchange
-        if exchange.lost or exchange.unanswered:
-            self._reporter.warn(
-                f"{exchange.lost} cycles without Measures; {exchange.unanswered} Measures not "
-                "answered, as newer ones were waiting"
-            )
+        self._tell_of_log(writer)
+        missing = exchange.summary()
+        if missing is not None:
+            self._reporter.warn(missing)
         return reason
 
     def _answer_measures(
@@ -260,7 +273,9 @@ class Session:
     ) -> str:
         assert self._header is not None
         silence = max(self._settings.silence, _SILENT_CYCLES * self._header.parameters.cycle_time / 1000.0)
+        exchange = controller.exchange
         heard = time.monotonic()
+        next_stop = math.inf
         while True:
             if self._interrupts.received:
                 return "interrupted"
@@ -269,11 +284,13 @@ class Session:
                 waiting += link.receive_arrivals()
             except LinkError as error:
                 if not waiting:
+                    self.lost_contact = True
                     return str(error)
             taken = [(self._decode(arrival.data), arrival.time) for arrival in waiting]
             measures = [(message, arrived) for message, arrived in taken if isinstance(message, Measures)]
-            for number, (message, arrived) in enumerate(measures, start=1):
-                newest = number == len(measures)
+            news = exchange.news(measures)
+            for number, (message, arrived) in enumerate(news, start=1):
+                newest = number == len(news)
                 cycle, actions = controller.observe(message, newest=newest, arrived=arrived)
                 if actions is not None:
                     # Before sending: in lockstep what follows may be here before the call returns.
@@ -282,18 +299,29 @@ class Session:
                 self._record(cycle, writer)
             if controller.ended is not None:
                 return controller.ended
+            if exchange.begun_again:
+                self.lost_contact = True
+                return "the simulator has begun again"
             if self._method.failure is not None:
                 return self._method.failure
             now = time.monotonic()
             if measures:
                 heard = now
             elif now - heard >= silence:
+                self.lost_contact = True
                 return f"no Measures for {silence:g} s"
+            if news:
+                next_stop = now + exchange.patience
+            elif now >= next_stop:
+                # A robot that is told nothing goes on as it was told last: blindly, and into walls.
+                self._send(link, exchange.stopped(time.time()))
+                next_stop = now + exchange.pace.seconds
             try:
                 waiting = link.receive_arrivals()
                 if not waiting:
-                    self._interrupts.wait(link.fileno(), heard + silence - now)
+                    self._interrupts.wait(link.fileno(), min(heard + silence, next_stop) - now)
             except LinkError as error:
+                self.lost_contact = True
                 return str(error)
 
     def _send(self, link: Link, actions: Actions) -> None:
@@ -311,10 +339,11 @@ class Session:
 
     def _record(self, cycle: Cycle, writer: RunWriter) -> None:
         self._cycles.append(cycle)
-        try:
-            writer.write(cycle)
-        except OSError as error:
-            self._reporter.warn_once(f"{self._settings.log}: no longer written: {error.strerror}")
+        writer.write(cycle)
+        if writer.fault is not None:
+            self._reporter.warn_once(
+                f"{self._settings.log}: cannot be written: {writer.fault}; kept until there is room again"
+            )
         if cycle.phase == Phase.HOLDING and (len(self._cycles) < 2 or self._cycles[-2].phase != cycle.phase):
             self._reporter.say(
                 f"time {cycle.time}: wall ahead, standing still; Ctrl-C ends the run and writes "
@@ -325,6 +354,17 @@ class Session:
             self._reporter.say(f"time {cycle.time}: step {cycle.step}, readings {readings}")
         self._tell_of_start(cycle)
         self._method.report(cycle)
+
+    def _tell_of_log(self, writer: RunWriter) -> None:
+        """Say what the log lacks, if it does."""
+        self._method.log_is_whole = writer.missing == 0
+        if writer.missing:
+            self._reporter.warn(
+                f"{self._settings.log}: lacks the last {writer.missing} of {len(self._cycles) + 1} lines: "
+                f"{writer.fault}"
+            )
+        elif writer.fault is not None:
+            self._reporter.warn(f"{self._settings.log}: nothing is missing, there was room again")
 
     def _tell_of_start(self, cycle: Cycle) -> None:
         """Say once that Start is not on yet; the very first messages of a run always say so."""
@@ -340,8 +380,14 @@ class Session:
         return self._method.finish(run, reason, lambda: self._stop(link))
 
     def _stop(self, link: Link) -> None:
+        """Stop the robot; where messages are lost, once is not enough."""
+        stop = encode(Actions(left_motor=0.0, right_motor=0.0))
         with contextlib.suppress(LinkError):  # then the robot is out of reach
-            link.send(encode(Actions(left_motor=0.0, right_motor=0.0)))
+            link.send(stop)
+            if self._exchange is not None and self._exchange.pace.is_real_time:
+                for _ in range(_STOPS):
+                    time.sleep(self._exchange.pace.seconds)
+                    link.send(stop)
 
     def _announce(self) -> None:
         assert self._header is not None

@@ -13,8 +13,11 @@ from __future__ import annotations
 import os
 import signal
 
+from ciberrato.system.signals import ENDING, HANGUP
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    import socket
     from types import FrameType
     from typing import Any
 
@@ -31,26 +34,28 @@ class Interrupts:
         self._armed = False
         self._former: dict[int, Any] = {}
         self._former_wakeup = -1
-        self._read_end = self._write_end = -1
+        self._ends: tuple[socket.socket, socket.socket] | None = None
 
     def install(self) -> None:
         """Take the signals from now on."""
         try:
-            self._take(signal.SIGINT)
+            for number in ENDING:
+                self._take(number)
         except ValueError:  # not in the main thread
             return
-        self._take(signal.SIGTERM)
         # Who started us with nohup does not want us to end with the terminal.
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-            self._take(signal.SIGHUP)
+        if HANGUP is not None and signal.getsignal(HANGUP) is not signal.SIG_IGN:
+            self._take(HANGUP)
 
     def arm(self) -> None:
         """Only note signals from now on: there may be something to save."""
-        self._read_end, self._write_end = os.pipe()
-        os.set_blocking(self._read_end, False)
-        os.set_blocking(self._write_end, False)
+        import socket
+
+        self._ends = socket.socketpair()  # not a pipe, for which Windows cannot wait
+        for end in self._ends:
+            end.setblocking(False)
         if self._former:
-            self._former_wakeup = signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
+            self._former_wakeup = signal.set_wakeup_fd(self._ends[1].fileno(), warn_on_full_buffer=False)
         self._armed = True
 
     def wait(self, descriptor: int | None, timeout: float) -> None:
@@ -65,25 +70,32 @@ class Interrupts:
         """
         import select
 
-        watched = [self._read_end] if descriptor is None else [descriptor, self._read_end]
+        assert self._ends is not None
+        own = self._ends[0].fileno()
+        watched = [own] if descriptor is None else [descriptor, own]
         select.select(watched, (), (), max(timeout, 0.0))
 
     def ignore(self) -> None:
         """Ignore the signals for the rest of the process: it is done but for going down."""
         for number in self._former:
             signal.signal(number, signal.SIG_IGN)
+        self._close_ends()
 
     def close(self) -> None:
         """Restore the signal handlers that were there before."""
-        if self._armed:
-            if self._former:
-                signal.set_wakeup_fd(self._former_wakeup)
-            os.close(self._read_end)
-            os.close(self._write_end)
-            self._armed = False
+        self._close_ends()
+        self._armed = False
         for number, handler in self._former.items():
             signal.signal(number, handler)
         self._former.clear()
+
+    def _close_ends(self) -> None:
+        if self._ends is not None:
+            if self._former:
+                signal.set_wakeup_fd(self._former_wakeup)
+            for end in self._ends:
+                end.close()
+            self._ends = None
 
     @property
     def status(self) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import time
 from collections.abc import AsyncIterator, Iterable
 from pathlib import Path
@@ -12,10 +11,10 @@ from typing import TYPE_CHECKING, Literal
 from ciberrato.client.channel import Attempts, LinkChannel, check_seconds
 from ciberrato.client.controls import Controls
 from ciberrato.client.core import RobotCore
-from ciberrato.client.errors import no_answer
 from ciberrato.client.run_recorder import RunRecorder
 from ciberrato.net.link import LinkError
 from ciberrato.protocol import Acceptance, encode
+from ciberrato.system.loops import readable
 
 if TYPE_CHECKING:
     from ciberrato.protocol.messages import Measures
@@ -87,23 +86,24 @@ class AsyncRobot(Controls):
     async def _register(self) -> Acceptance:
         channel, registration = self._link_channel, self._core.registration
         attempts = Attempts(self._give_up_after)
+        channel.refused = False
         while not attempts.over(now := time.monotonic()):
-            if attempts.due(now):
+            if attempts.due(now) and not channel.refused:
                 channel.link.register(encode(registration))
             try:
                 for data in channel.link.receive_waiting():
-                    answer = channel.read_answer(data, registration)
+                    answer = channel.read_answer(data, attempts)
                     if answer is not None:
                         return answer
             except LinkError:  # no simulator is there yet
                 await asyncio.sleep(attempts.patience(time.monotonic()))
                 continue
             await self._readable(attempts.patience(time.monotonic()))
-        raise no_answer(channel.place, self._give_up_after, channel.transport)
+        raise channel.no_answer(registration, self._give_up_after)
 
     async def _receive(self) -> list[Measures]:
         """Wait for Measures; return all that are there, oldest first, or none if none came in time."""
-        deadline = time.monotonic() + self._timeout
+        deadline = time.monotonic() + self._patience
         while True:
             found = self._link_channel.measures_in(self._link_channel.link.receive_waiting())
             remaining = deadline - time.monotonic()
@@ -113,12 +113,4 @@ class AsyncRobot(Controls):
 
     async def _readable(self, seconds: float) -> None:
         """Wait until something has arrived, or for some seconds."""
-        loop = asyncio.get_running_loop()
-        ready = asyncio.Event()
-        descriptor = self._link_channel.link.fileno()
-        loop.add_reader(descriptor, ready.set)
-        try:
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(ready.wait(), seconds)
-        finally:
-            loop.remove_reader(descriptor)
+        await readable(self._link_channel.link.fileno(), max(0.0, seconds))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any, Protocol
 
 from ciberrato.client.errors import no_answer, refused
-from ciberrato.errors import ProtocolError, UsageError
+from ciberrato.errors import CiberratoError, ProtocolError, UsageError
 from ciberrato.net.address import parse_address
 from ciberrato.net.link import Link, LinkError
 from ciberrato.net.tcp import TcpLink
@@ -19,6 +20,8 @@ FIRST_WAIT = 1.0
 """Seconds until the second attempt to register. A simulator answers within a cycle; asking again sooner could
 mean being refused, or taking a second place."""
 _LONGEST_WAIT = 5.0
+REFUSAL_PATIENCE = 0.5
+"""Seconds that an acceptance may still come after a refusal."""
 
 
 class Channel(Protocol):
@@ -26,6 +29,8 @@ class Channel(Protocol):
 
     place: str
     """Where the simulator is, for people."""
+    waits: bool
+    """Whether `receive` waits, for messages that may still come."""
 
     def register(self, registration: RobotRegistration, give_up_after: float) -> Acceptance:
         """Register a robot.
@@ -63,6 +68,8 @@ class LinkChannel:
         Messages that were not understood; they are left out.
     """
 
+    waits = True
+
     def __init__(self, host: str, transport: str) -> None:
         if not isinstance(host, str):
             raise UsageError(f"host {host!r} is not a text like 'localhost:6000'")
@@ -73,32 +80,44 @@ class LinkChannel:
         self.transport = transport
         self.link: Link = UdpLink(name, port) if transport == "udp" else TcpLink(name, port)
         self.unreadable = 0
-        self._waiting: list[Measures] = []
+        self.refused = False
+        """Whether the registration was refused."""
 
     def register(self, registration: RobotRegistration, give_up_after: float) -> Acceptance:
         """Register a robot; see `Channel.register`."""
         attempts = Attempts(give_up_after)
+        self.refused = False
         while True:
             now = time.monotonic()
             if attempts.over(now):
-                raise no_answer(self.place, give_up_after, self.transport)
-            if attempts.due(now):
+                raise self.no_answer(registration, give_up_after)
+            if attempts.due(now) and not self.refused:
                 self.link.register(encode(registration))
             try:
                 data = self.link.receive(attempts.patience(time.monotonic()))
             except LinkError:  # no simulator is there yet
                 time.sleep(min(0.1, attempts.patience(time.monotonic())))
                 continue
-            answer = None if data is None else self.read_answer(data, registration)
+            answer = None if data is None else self.read_answer(data, attempts)
             if answer is not None:
                 return answer
 
-    def read_answer(self, data: bytes, registration: RobotRegistration) -> Acceptance | None:
-        """Read what may be the answer to a registration; None if it is something else."""
+    def read_answer(self, data: bytes, attempts: Attempts) -> Acceptance | None:
+        """Read what may be the answer to a registration; None if it is something else.
+
+        After a refusal, which over UDP can be anybody's, an acceptance may still come for a short time.
+        """
         message = self._decode(data)
-        if isinstance(message, Refusal):
-            raise refused(self.place, registration.name or "", registration.robot_id)
+        if isinstance(message, Refusal) and not self.refused:
+            self.refused = True
+            attempts.end_soon()
         return message if isinstance(message, Acceptance) else None
+
+    def no_answer(self, registration: RobotRegistration, seconds: float) -> CiberratoError:
+        """Return the error for a registration that no simulator has accepted."""
+        if self.refused:
+            return refused(self.place, registration.name or "", registration.robot_id)
+        return no_answer(self.place, seconds, self.transport)
 
     def send(self, actions: Actions) -> None:
         """Send the message of a cycle; see `Channel.send`."""
@@ -175,6 +194,11 @@ class Attempts:
         self._wait = min(1.5 * self._wait, _LONGEST_WAIT)
         return True
 
+    def end_soon(self) -> None:
+        """Plan to stop trying in a moment, unless a simulator accepts until then."""
+        self._end = min(self._end, time.monotonic() + REFUSAL_PATIENCE)
+        self._next = math.inf
+
     def patience(self, now: float) -> float:
         """Return the seconds until there is something to do."""
         return max(0.0, min(self._next, self._end) - now)
@@ -205,6 +229,7 @@ class SimulationChannel:
     """
 
     place = "the simulation in this process"
+    waits = False
 
     def __init__(self, simulation: SteppedSimulation) -> None:
         if not all(callable(getattr(simulation, name, None)) for name in ("register", "launch", "step")):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import time
 from typing import TYPE_CHECKING
 
 from ciberrato.client.channel import Channel
 from ciberrato.client.core import RobotCore, RunEnd
 from ciberrato.client.errors import fell_silent
+from ciberrato.client.pace import Pace
 from ciberrato.client.run_recorder import RunRecorder
 from ciberrato.net.link import LinkError
 
@@ -39,6 +42,10 @@ class Controls:
         self._timeout = timeout
         self._unanswered: Measures | None = None
         self._closed = False
+        self._pace = Pace(0.0)
+        self._waits_since = 0.0
+        self._next_stop = math.inf
+        self._stops = 0
 
     # --- what the robot does -------------------------------------------------------------------------
 
@@ -130,6 +137,11 @@ class Controls:
         """Number of Measures that came behind newer ones, or twice, and were ignored."""
         return self._core.stale
 
+    @property
+    def stops(self) -> int:
+        """How often the robot was stopped as nothing was heard for three cycles (in real time only)."""
+        return self._stops
+
     def __repr__(self) -> str:
         state = "running" if self.ended is None else self.ended.name.lower()
         time = "-" if self.measures is None else self.measures.time
@@ -155,6 +167,8 @@ class Controls:
     def _begin(self, acceptance: Acceptance) -> None:
         self._core.accept(acceptance)
         self._recorder.begin(self._core)
+        self._pace = Pace(acceptance.parameters.cycle_time)
+        self._begin_to_wait()
         self._timeout = max(self._timeout, _SILENT_CYCLES * acceptance.parameters.cycle_time / 1000.0)
 
     def _abandon(self) -> None:
@@ -170,11 +184,14 @@ class Controls:
     def _take(self, messages: list[Measures]) -> Measures | None:
         """Take in messages; return what the program is to see, else answer in its place."""
         if not messages:
-            time = None if self.measures is None else self.measures.time
-            raise fell_silent(self._channel.place, self._timeout, time)
+            self._hear_nothing()
+            return None
+        self._begin_to_wait()
         command = self._core.sent
         shown = self._core.take(messages)
         for measures in self._core.fresh:
+            if measures.start:
+                self._pace.heard(time.monotonic(), measures.time)
             self._recorder.observe(measures, command)
         if self._core.fresh:
             self._unanswered = self._core.fresh[-1]
@@ -189,3 +206,24 @@ class Controls:
             actions = self._core.answer()
             self._recorder.record(measures, actions)
             self._channel.send(actions)
+        self._begin_to_wait()
+
+    def _begin_to_wait(self) -> None:
+        self._waits_since = now = time.monotonic()
+        self._next_stop = now + (self._pace.patience if self._core.sent != (0.0, 0.0) else math.inf)
+
+    @property
+    def _patience(self) -> float:
+        """Seconds to wait for Measures before `_take` is to be told that there are none."""
+        return max(min(self._waits_since + self._timeout, self._next_stop) - time.monotonic(), 0.0)
+
+    def _hear_nothing(self) -> None:
+        """Stop the robot, which would go on blindly; after a longer time the simulator is gone."""
+        now = time.monotonic()
+        if now >= self._next_stop:
+            self._stops += self._core.sent != (0.0, 0.0)
+            self._channel.send(self._core.standstill())
+            self._next_stop = now + self._pace.seconds
+        if now - self._waits_since >= self._timeout or not self._channel.waits:
+            newest = None if self.measures is None else self.measures.time
+            raise fell_silent(self._channel.place, self._timeout, newest)

@@ -22,11 +22,7 @@ from ciberrato.protocol.messages import (
     Measures,
     RobotRegistration,
 )
-
-_LONGEST_STEP_BACK = 50
-"""Cycles; a time farther back than a late message can be is that of a new run."""
-_NEW_RUN_MESSAGES = 3
-"""Messages in a row that have to say so before it is believed."""
+from ciberrato.protocol.order import MessageOrder, News
 
 
 class RunEnd(Enum):
@@ -91,14 +87,12 @@ class RobotCore:
         """Simulated cycles whose Measures never came."""
         self.skipped = 0
         """Measures that were not shown to the program, as newer ones were waiting."""
-        self.stale = 0
-        """Measures that came too late, behind newer ones, or twice; they are ignored."""
         self.motors = (0.0, 0.0)
         """What the program wants while the simulator runs."""
         self.sent = (0.0, 0.0)
         """Motor commands of the last answer."""
         self._every_cycle = every_cycle
-        self._back = 0
+        self._order = MessageOrder()
         self._leds: dict[str, bool] = {}
         self._requests: list[str] = []
         self._say: str | None = None
@@ -107,7 +101,13 @@ class RobotCore:
     def accept(self, acceptance: Acceptance) -> None:
         """Take note that the simulator has accepted the robot."""
         self.acceptance = acceptance
+        self._order = MessageOrder(acceptance.parameters.sim_time)
         self._rota = RequestRota(acceptance.parameters, n_beacons=acceptance.n_beacons, ground=True)
+
+    @property
+    def stale(self) -> int:
+        """Measures that came too late, behind newer ones, twice, or with spoilt digits; they are ignored."""
+        return self._order.stale
 
     # --- what the program wants ----------------------------------------------------------------------
 
@@ -176,7 +176,10 @@ class RobotCore:
         """
         self.fresh = []
         for measures in messages:
-            if not self._is_fresh(measures):
+            news = self._order.judge(measures)
+            if news is News.BEGUN_AGAIN:
+                self.ended = RunEnd.BEGUN_AGAIN
+            if news is not News.FRESH:
                 continue
             if self.measures is not None:
                 self.lost += max(measures.time - self.measures.time - 1, 0)
@@ -190,6 +193,11 @@ class RobotCore:
         if self.ended is not None or not (newest.start or self._every_cycle):
             return None
         return newest
+
+    def standstill(self) -> Actions:
+        """Return the message that stops the robot while nothing is heard; the program's motors stay set."""
+        self.sent = (0.0, 0.0)
+        return Actions(left_motor=0.0, right_motor=0.0)
 
     def answer(self) -> Actions:
         """Return the one message of this cycle, and forget what lasts one cycle only."""
@@ -208,29 +216,6 @@ class RobotCore:
         self._leds.clear()
         self._say = None
         return actions
-
-    def _is_fresh(self, measures: Measures) -> bool:
-        """Return whether a message is no older than the last one; one of a new run ends this one."""
-        assert self.acceptance is not None
-        if 0 < self.acceptance.parameters.sim_time < measures.time - _LONGEST_STEP_BACK:
-            self.stale += 1  # no simulator is there: a corrupted message
-            return False
-        newest = self.measures
-        if newest is None or measures.time > newest.time:
-            self._back = 0
-            return True
-        if measures.time == newest.time:
-            # While the simulator runs no time comes twice: the network has doubled a datagram.
-            doubled = newest.start and measures == newest
-            self.stale += doubled
-            return not doubled
-        # One late or corrupted message must not end a run: several in a row have to agree.
-        if newest.time - measures.time > _LONGEST_STEP_BACK or measures.time == 0:
-            self._back += 1
-            if self._back >= _NEW_RUN_MESSAGES:
-                self.ended = RunEnd.BEGUN_AGAIN
-        self.stale += 1
-        return False
 
     def _check_end(self, measures: Measures) -> None:
         assert self.acceptance is not None

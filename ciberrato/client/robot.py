@@ -122,7 +122,7 @@ class Robot(Controls):
         """
         self._answer()
         while self._goes_on:
-            shown = self._take(self._channel.receive(self._timeout))
+            shown = self._take(self._channel.receive(self._patience))
             if shown is not None:
                 return shown
         raise StopIteration

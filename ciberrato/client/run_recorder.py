@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -110,6 +111,10 @@ class RunRecorder:
         """Close the log and end the filter's processes; again is harmless."""
         if self._writer is not None:
             self._writer.close()
+            if self._writer.missing:
+                lines, why = self._writer.missing, self._writer.fault
+                warnings.warn(f"{self._log}: lacks the last {lines} lines: {why}", stacklevel=2)
+            self._writer = None
         if self._filter is not None:
             self._filter.__exit__(None, None, None)
             self._filter = None

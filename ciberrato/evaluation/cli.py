@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.command_line import run_program
+from ciberrato.errors import UsageError
 from ciberrato.evaluation.options import PROGRAM, make_parser
 
 if TYPE_CHECKING:
@@ -39,23 +40,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         terminated (what was run is kept, and no process of ours is left).
     """
     former = _take_termination()
+
+    def body() -> int:
+        try:
+            return _run(make_parser().parse_args(arguments))
+        except _TerminatedError:
+            print(f"\n{PROGRAM}: terminated; the same command goes on from here", file=sys.stderr)
+            return 143
+        except KeyboardInterrupt:
+            print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)
+            return 130
+
     try:
-        status = _run(make_parser().parse_args(arguments))
-        sys.stdout.flush()
-        return status
-    except _TerminatedError:
-        print(f"\n{PROGRAM}: terminated; the same command goes on from here", file=sys.stderr)
-        return 143
-    except BrokenPipeError:
-        # The reader of our output has seen enough; what is still buffered must not fail at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except KeyboardInterrupt:
-        print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except CiberratoError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
+        return run_program(PROGRAM, body)
     finally:
         if former is not None:
             signal.signal(signal.SIGTERM, former)

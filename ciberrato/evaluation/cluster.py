@@ -43,17 +43,8 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Result | Failure
     UsageError
         If there is no such scheduler, it has no workers, or they lack what they need.
     """
-    try:
+    with connect(address) as client:
         distributed = importlib.import_module("distributed")
-    except ImportError:
-        raise UsageError("--scheduler needs the package `distributed` (Dask)") from None
-    try:
-        # First, what is no address at all: a client that fails for that leaves threads behind.
-        importlib.import_module("distributed.comm").resolve_address(address)
-        client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise UsageError(f"--scheduler {address}: {error}") from None
-    with client:
         sent = {task: _for_workers(task) for task in tasks}
         _check_workers(client, address, list(sent.values()))
         asked = dict(
@@ -65,6 +56,34 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Result | Failure
                 future.release()
         finally:
             client.cancel(list(asked))
+
+
+def connect(address: str) -> Any:
+    """Connect to a scheduler.
+
+    Parameters
+    ----------
+    address : str
+
+    Returns
+    -------
+    distributed.Client
+
+    Raises
+    ------
+    UsageError
+        If there is none, or `distributed` is not installed.
+    """
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError:
+        raise UsageError("--scheduler needs the package `distributed` (Dask)") from None
+    try:
+        # First, what is no address at all: a client that fails for that leaves threads behind.
+        importlib.import_module("distributed.comm").resolve_address(address)
+        return distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"--scheduler {address}: {error}") from None
 
 
 def _answer(future: Any, task: Task) -> Result | Failure:
@@ -89,8 +108,8 @@ def _absolute(name: str) -> str:
     return os.path.abspath(name) if os.path.isfile(name) else name
 
 
-def _check_workers(client: Any, address: str, tasks: Sequence[Task]) -> None:
-    """Complain at once about what would make every task fail, or its results differ."""
+def check_versions(client: Any, address: str) -> None:
+    """Complain about a cluster without workers, and about workers whose results would differ."""
     versions = _ask(client, address, _version)
     if not versions:
         raise UsageError(f"--scheduler {address}: it has no workers")
@@ -99,6 +118,11 @@ def _check_workers(client: Any, address: str, tasks: Sequence[Task]) -> None:
         for what, here in ours.items():
             if theirs[what] != here:
                 raise UsageError(f"worker {worker}: {what} is {theirs[what]} there, and {here} here")
+
+
+def _check_workers(client: Any, address: str, tasks: Sequence[Task]) -> None:
+    """Complain at once about what would make every task fail, or its results differ."""
+    check_versions(client, address)
     named = {name for task in tasks for name in (task.lab, task.grid, task.parameters) if name is not None}
     files = sorted(name for name in named if os.path.isabs(name))
     for worker, missing in _ask(client, address, _missing, files).items():

@@ -94,7 +94,7 @@ def read_recording(folder: Path) -> Recording:
     inputs: list[tuple[Measures, Command | None]] = []
     command: Command | None = None
     try:
-        lines = (folder / "datagrams.jsonl").read_text().splitlines()
+        lines = (folder / "datagrams.jsonl").read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError) as error:
         raise LabError(f"not a recording: {error}", source=str(folder)) from None
     for line in lines:

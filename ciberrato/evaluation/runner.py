@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import multiprocessing
-import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -25,6 +24,7 @@ from ciberrato.evaluation.task import Outcome, Task
 from ciberrato.files.atomic import cut_torn_line
 from ciberrato.progress import ProgressBar
 from ciberrato.reprs import short_repr
+from ciberrato.system.process import processors
 
 
 class Evaluation(NamedTuple):
@@ -145,7 +145,7 @@ def _outcomes(tasks: list[Task], jobs: int, scheduler: str | None) -> Iterator[R
         return on_cluster(tasks, scheduler)
     # Tasks of one lab one after the other, so that each process loads its tables once.
     ordered = sorted(tasks, key=lambda task: (task.lab, task.drive == "right", task.resolution))
-    workers = min(jobs or os.cpu_count() or 1, len(ordered))
+    workers = min(jobs or processors(), len(ordered))
     if workers == 1:
         return map(attempt, ordered)
     return _in_pool(ordered, workers)

@@ -20,7 +20,7 @@ def replace_file(path: Path, contents: bytes) -> None:
     Parameters
     ----------
     path : Path
-        The file to make or replace.
+        The file to make or replace; a device or a pipe is written to instead.
     contents : bytes
 
     Raises
@@ -28,6 +28,13 @@ def replace_file(path: Path, contents: bytes) -> None:
     UsageError
         If it cannot be written; the old file is then untouched.
     """
+    if path.exists() and not path.is_file():  # a device or a pipe is written to, never replaced
+        try:
+            with open(path, "wb", buffering=0) as stream:
+                stream.write(contents)
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+        return
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     try:
         with open(temporary, "wb") as stream:

@@ -8,8 +8,12 @@ all their digits: what is read back equals what was written.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import errno
 import json
+import os
+from collections import deque
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -22,21 +26,40 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 FORMAT = "ciberrato-run"
+_TOLD = 5
+_SALVAGE = "; --salvage reads what there is"
 
 
 class RunWriter:
-    """Writes a log; each line is flushed as soon as it is complete.
+    """Writes a log of whole lines; each is flushed as soon as it is complete.
+
+    A disk that is full ends nothing: lines wait in memory and are written, in order, as soon as there is
+    room.
 
     Parameters
     ----------
     path : Path
         Log file; what it held is lost.
     header : RunHeader
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
     """
 
     def __init__(self, path: Path, header: RunHeader) -> None:
         self._file = path.open("wb", buffering=0)
+        self._end = 0
+        self._waiting: deque[bytes] = deque()
+        self.fault: str | None = None
+        """Why lines were kept waiting, in words of the system; None if none was."""
         self._write({"format": FORMAT, **_fields(header)})
+
+    @property
+    def missing(self) -> int:
+        """Number of lines that are not in the file."""
+        return len(self._waiting)
 
     def write(self, cycle: Cycle) -> None:
         """Append one cycle."""
@@ -44,7 +67,9 @@ class RunWriter:
 
     def close(self) -> None:
         """Close the file; more calls do no harm."""
-        self._file.close()
+        if not self._file.closed:
+            self._work_off()
+            self._file.close()
 
     def __enter__(self) -> RunWriter:
         return self
@@ -58,11 +83,29 @@ class RunWriter:
         self.close()
 
     def _write(self, document: dict[str, Any]) -> None:
-        # One system call a line, unbuffered: a line is in the file wholly or, if the disk is full, in part.
-        self._file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
+        self._waiting.append(json.dumps(document, separators=(",", ":")).encode() + b"\n")
+        self._work_off()
+
+    def _work_off(self) -> None:
+        try:
+            while self._waiting:
+                # One system call a line, unbuffered. If the disk is full a part of it may be in the file.
+                line = self._waiting[0]
+                written = self._file.write(line) or 0
+                if written < len(line):
+                    written += self._file.write(line[written:]) or 0  # says why
+                if written < len(line):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                self._end += written
+                self._waiting.popleft()
+        except OSError as error:
+            self.fault = error.strerror or str(error)
+            with contextlib.suppress(OSError):  # a pipe cannot be cut
+                self._file.truncate(self._end)
+                self._file.seek(self._end)
 
 
-def read_run(path: Path) -> RecordedRun:
+def read_run(path: Path, *, salvage: Callable[[str], None] | None = None) -> RecordedRun:
     """Read a log.
 
     A last line that is not complete (the agent was killed while writing it) is left out.
@@ -70,6 +113,9 @@ def read_run(path: Path) -> RecordedRun:
     Parameters
     ----------
     path : Path
+    salvage : callable, optional
+        Told of every line that cannot be read, which is then left out; steps that are missing are taken for
+        steps without readings. Without it they are errors.
 
     Returns
     -------
@@ -90,13 +136,40 @@ def read_run(path: Path) -> RecordedRun:
     if not lines:
         raise LabError("no complete line; this is not the log of a run", source=source)
     header = parse_header(lines[0], source)
-    cycles = tuple(parse_cycle(line, source, number) for number, line in enumerate(lines[1:], start=2))
-    for expected, (index, number) in enumerate(
-        (cycle.step, number) for number, cycle in enumerate(cycles, start=2) if cycle.step is not None
-    ):
-        if index != expected:
-            raise LabError(f"step {index} where step {expected} was due", source=source, line=number)
-    return RecordedRun(header, cycles)
+    cycles: list[Cycle] = []
+    due, torn = 0, 0
+    for number, line in enumerate(lines[1:], start=2):
+        try:
+            cycle = parse_cycle(line, source, number)
+            late = cycle.step is not None and cycle.step < due
+            if late or (cycle.step is not None and cycle.step > due and salvage is None):
+                problem = f"step {cycle.step} where step {due} was due{_SALVAGE}"
+                raise LabError(problem, source=source, line=number)
+        except LabError as error:
+            if salvage is None:
+                raise
+            torn += 1
+            if torn <= _TOLD:
+                salvage(f"{str(error).removesuffix(_SALVAGE)}; the line is left out")
+            continue
+        if cycle.step is not None:
+            if cycle.step > due and salvage is not None:
+                salvage(f"{source}:{number}: steps {due} to {cycle.step - 1} are missing")
+                cycles += _without_readings(cycle, range(due, cycle.step))
+            due = cycle.step + 1
+        cycles.append(cycle)
+    if torn > _TOLD and salvage is not None:
+        salvage(f"{source}: {torn} lines are left out in all")
+    return RecordedRun(header, tuple(cycles))
+
+
+def _without_readings(next_one: Cycle, steps: range) -> list[Cycle]:
+    """Return cycles that stand for steps of which nothing is known but that they were."""
+    nothing = (None, None, None, None)
+    return [
+        Cycle(time=next_one.time, start=True, stop=False, infrared=nothing, step=step, readings=nothing)
+        for step in steps
+    ]
 
 
 def _fields(record: RunHeader | Cycle) -> dict[str, Any]:
@@ -115,7 +188,7 @@ def _read_object(line: bytes, source: str, number: int) -> dict[str, Any]:
     try:
         document = json.loads(line, parse_constant=_refuse)
     except ValueError as error:
-        raise LabError(f"not a line of JSON: {error}", source=source, line=number) from error
+        raise LabError(f"not a line of JSON: {error}{_SALVAGE}", source=source, line=number) from error
     except RecursionError as error:
         raise LabError("JSON nested too deeply", source=source, line=number) from error
     if not isinstance(document, dict):

@@ -8,9 +8,7 @@ the lab, not where in it the robot stands. Run it as ``ciberrato demo`` or ``mak
 from __future__ import annotations
 
 import contextlib
-import os
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -27,6 +25,7 @@ from ciberrato.files.run_log import read_run
 from ciberrato.files.truth import read_truth, true_cells
 from ciberrato.labs import find_lab
 from ciberrato.processes import module_command
+from ciberrato.system.process import interrupt, interruptible, output_has_gone
 
 LAB = "standard"
 PATIENCE = 60.0
@@ -46,7 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit status: 0 when the robot ended up most likely where it really is.
     """
-    parser = ProgramParser("ciberrato demo", __doc__.partition("\n")[0])
+    parser = ProgramParser(
+        "ciberrato demo", "Run simulator and agent once, and show what the robot believes."
+    )
     parser.add_argument("--seed", type=int, default=7, help="seed of the simulator's noise (7)")
     parser.add_argument("--folder", type=Path, default=Path("demo"), help="where the files go (demo)")
     try:
@@ -55,9 +56,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CiberratoError as error:
         print(f"ciberrato demo: {error}", file=sys.stderr)
         return 2
-    except BrokenPipeError:
-        # The reader of our output has seen enough; what is still buffered must not fail at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if not output_has_gone(error):
+            raise
         return 0
     except KeyboardInterrupt:
         print("ciberrato demo: interrupted", file=sys.stderr)
@@ -108,7 +109,7 @@ def demonstrate(folder: Path, seed: int) -> int:
         with running("agent", agent_words) as agent:
             wait_for_line(agent, re.compile("wall ahead"), "agent")
             print("  ^C")
-            agent.send_signal(signal.SIGINT)
+            interrupt(agent)
             pass_on(agent)
             status = agent.wait(PATIENCE)
         if status:
@@ -170,12 +171,13 @@ def running(module: str, words: Sequence[str]) -> Iterator[subprocess.Popen[str]
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        **interruptible(),
     )
     try:
         yield process
     finally:
         if process.poll() is None:
-            process.send_signal(signal.SIGINT)
+            interrupt(process)
         try:
             process.communicate(timeout=PATIENCE)
         except subprocess.TimeoutExpired:

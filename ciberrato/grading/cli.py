@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ciberrato.command_line import ProgramParser
-from ciberrato.errors import CiberratoError, UsageError
-
-PROGRAM = "ciberrato-grade"
+from ciberrato.command_line import ProgramParser, run_program
+from ciberrato.errors import UsageError
+from ciberrato.grading.telling import PROGRAM, shown
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,62 +23,91 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0; 1 if runs could not be; 2 for what the user can put right; 130 if interrupted (what
-        was run is kept).
+        Exit status: 0; 1 if runs could not be, or an agent failed its check; 2 for what the user can put
+        right; 130 if interrupted (what was run is kept).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        status = _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
-        sys.stdout.flush()
-        return status
-    except BrokenPipeError:
-        # The reader of our output has seen enough; what is still buffered must not fail at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except CiberratoError as error:
-        for line in str(error).splitlines():
-            print(f"{PROGRAM}: {line}", file=sys.stderr)
-        return 2
+
+    def body() -> int:
+        try:
+            if words[:1] == ["check"]:
+                from ciberrato.grading.conformance.cli import main as check
+
+                return check(words[1:])
+            return _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
+        except KeyboardInterrupt:
+            return 130
+
+    return run_program(PROGRAM, body)
 
 
 def _init(words: Sequence[str]) -> int:
     from ciberrato.grading.init import write_course
 
-    parser = ProgramParser(f"{PROGRAM} init", description="Write a course to begin with.")
+    parser = ProgramParser(
+        f"{PROGRAM} init",
+        description="Write a repository of a course to begin with: agents, labs, workflows, and a template "
+        "for participants.",
+    )
     parser.add_argument("folder", type=Path, metavar="FOLDER")
-    for path in write_course(parser.parse_args(words).folder):
+    folder = parser.parse_args(words).folder
+    for path in write_course(folder):
         print(path)
+    print(f"{PROGRAM}: next: {PROGRAM} {folder / 'course.toml'}; README.md says the rest", file=sys.stderr)
     return 0
 
 
 def _run(options: argparse.Namespace) -> int:
     from ciberrato.grading import sandbox
+    from ciberrato.grading.cgroups import Groups, find_groups
     from ciberrato.grading.course import read_course
-    from ciberrato.grading.report import write_report
+    from ciberrato.grading.report import parquet, publish_report, write_report
+    from ciberrato.grading.repositories import fetch_agents
     from ciberrato.grading.runner import Graded, grade, jobs_by_default, read_runs
+    from ciberrato.grading.secret import with_secret
     from ciberrato.grading.standing import standings
     from ciberrato.grading.task import tasks_of
 
-    course = read_course(options.course)
+    whole = read_course(options.course)
+    if options.secret is not None:
+        whole = with_secret(whole, options.secret)
+    course, faults = fetch_agents(whole, _teller(options), network=not options.report)
+    if options.tournament:
+        if options.sandbox == "docker" or options.scheduler is not None:
+            raise UsageError("--tournament: neither in containers nor on a cluster; take --sandbox bwrap")
+        from ciberrato.grading.tournament.command import run_tournament
+
+        return run_tournament(options, course, faults)
+    expected = len(whole.agents) * len(whole.labs) * len(whole.seeds)
     folder = options.output or options.course.with_suffix("").with_name(f"{options.course.stem}-report")
+    if options.publish is not None and options.publish.resolve() == folder.resolve():
+        raise UsageError(f"--publish {options.publish}: the whole report is there; name another folder")
     tasks = tasks_of(course)
-    faults: list[str] = []
     interrupted = False
     if not options.report:
-        kind = sandbox.choose(options.sandbox)
+        kind = options.sandbox
+        if options.scheduler is None:
+            kind = sandbox.choose(options.sandbox, course.image)
         if kind == "none":
             print(f"{PROGRAM}: {sandbox.WITHOUT}", file=sys.stderr)
+        groups = find_groups() if kind in ("bwrap", "none") and options.scheduler is None else Groups()
+        if kind in ("bwrap", "none"):
+            _teller(options)(groups.told)
         try:
-            faults = grade(
+            faults += grade(
                 course,
                 tasks,
                 folder,
                 sandbox=kind,
                 jobs=options.jobs or jobs_by_default(lockstep=course.lockstep),
                 progress=None if options.quiet else sys.stderr,
+                scheduler=options.scheduler,
+                groups=groups,
             )
         except KeyboardInterrupt:
             interrupted = True
+        finally:
+            groups.close()
     done = read_runs(folder / "runs.jsonl")
     runs = [Graded(task, *done[task.key]) for task in tasks if task.key in done]
     if options.report and not runs:
@@ -89,19 +116,23 @@ def _run(options: argparse.Namespace) -> int:
         print(f"{PROGRAM}: could not be run: {fault}", file=sys.stderr)
     if runs:
         ranked = standings(course, runs)
-        write_report(course, ranked, folder, missing=len(tasks) - len(runs))
-        width = max(len(_shown(one.agent)) for one in ranked)
+        write_report(course, ranked, folder, missing=expected - len(runs))
+        if not parquet.available():
+            _teller(options)(parquet.WITHOUT)
+        if options.publish is not None:
+            publish_report(course, ranked, folder, options.publish, missing=expected - len(runs))
+        width = max(len(shown(one.agent)) for one in ranked)
         for one in ranked:
             bad = f"   {one.bad} of {len(one.runs)} runs failed" * (one.bad > 0)
-            print(f"{one.place:3d}  {_shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
+            print(f"{one.place:3d}  {shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
         if options.compare is not None:
             from ciberrato.grading.comparison import compare, words
 
-            print(words(compare(ranked, *options.compare), *map(_shown, options.compare)))
-        print(folder / "index.html")
+            print(words(compare(ranked, *options.compare), *map(shown, options.compare)))
+        print((folder if options.publish is None else options.publish) / "index.html")
     if interrupted:
         print(
-            f"\n{PROGRAM}: interrupted after {len(runs)} of {len(tasks)} runs; the same command goes on "
+            f"\n{PROGRAM}: interrupted after {len(runs)} of {expected} runs; the same command goes on "
             "from here",
             file=sys.stderr,
         )
@@ -109,9 +140,9 @@ def _run(options: argparse.Namespace) -> int:
     return 1 if faults else 0
 
 
-def _shown(name: str) -> str:
-    """Return a name without what a terminal would obey."""
-    return "".join(sign if sign.isprintable() else "?" for sign in name)
+def _teller(options: argparse.Namespace) -> Callable[[str], None]:
+    """Return what says on standard error what goes on, if that is wanted."""
+    return lambda line: None if options.quiet else print(f"{PROGRAM}: {shown(line)}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -121,22 +152,36 @@ def _parser() -> argparse.ArgumentParser:
         PROGRAM,
         description="Run every agent of a course in every lab with every seed, each in a sandbox with "
         "limits, and write a report: a site without a network, CSV, JSON, JUnit and Gradescope. "
-        f"`{PROGRAM} init FOLDER` writes a course to begin with.",
+        f"`{PROGRAM} init FOLDER` writes a course to begin with; `{PROGRAM} check -- COMMAND` puts one agent "
+        "through what a network and a simulator can do to it.",
     )
     parser.add_argument("course", type=Path, metavar="COURSE.toml", help="agents, labs, seeds, points")
     parser.add_argument(
         "--output", type=Path, metavar="DIR", help="of the report; default: COURSE-report beside the course"
     )
     parser.add_argument(
+        "--secret", type=Path, metavar="FILE.toml", help="more labs and seeds, hidden from what is published"
+    )
+    parser.add_argument(
+        "--publish", type=Path, metavar="DIR", help="write the report there, too, without what is secret"
+    )
+    parser.add_argument(
         "--sandbox",
         choices=KINDS,
         default="auto",
-        help="bwrap: bubblewrap, loopback only, other files unseen; none: limits only; default: auto, bwrap "
+        help="bwrap: bubblewrap, loopback only, other files unseen; docker: containers of the course's "
+        "image (docker, or podman); none: limits only; default: auto, bwrap "
         "where it works",
     )
     parser.add_argument(
         "--jobs", type=_jobs, default=0, metavar="N", help="runs at a time; default: one a processor"
     )
+    parser.add_argument(
+        "--tournament",
+        action="store_true",
+        help="several agents in each run, as [tournament] says; the report goes to COURSE-tournament",
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the runs instead")
     parser.add_argument("--report", action="store_true", help="run nothing, write the report of what was run")
     parser.add_argument(
         "--compare", nargs=2, metavar="AGENT", help="compare two agents by runs of the same lab and seed"

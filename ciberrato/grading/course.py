@@ -5,53 +5,42 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
+from ciberrato import labs as shipped
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import parse_parameters_with_warnings
 from ciberrato.files.start_grid import read_grid
 from ciberrato.files.xml import read_file
+from ciberrato.grading.agents import Agent as Agent
+from ciberrato.grading.agents import read_agent
 from ciberrato.grading.expressions import Formula
 from ciberrato.grading.fields import Fields
+from ciberrato.grading.random_labs import random_files
+from ciberrato.grading.tournament.settings import DEFAULT, TournamentSettings, read_settings
 from ciberrato.labs import find_grid, find_lab, find_parameters
 from ciberrato.reprs import short_repr
 
-PLACEHOLDERS = ("{host}", "{port}", "{pos}", "{lab}", "{name}", "{seed}")
-
 QUANTITIES = frozenset(
     {
-        *("score", "visited", "targets", "arrival_time", "returning_time", "collisions", "time", "sim_time"),
+        *(
+            "merit",
+            "score",
+            "visited",
+            "targets",
+            "arrival_time",
+            "returning_time",
+            "collisions",
+            "time",
+            "sim_time",
+        ),
         *("answered", "unanswered", "late", "finished", "crashed", "silent", "registered"),
         *("mapping", "planning"),
     }
 )
 """Names that a formula of points may use; docs/grading.md says what they are."""
-
-
-@dataclass(frozen=True, slots=True)
-class Agent:
-    """An agent.
-
-    Attributes
-    ----------
-    name : str
-    command : tuple of str
-        Words, with placeholders.
-    folder : Path or None
-        Its files; every run works in a copy of them. None = there are none.
-    build : tuple of str or None
-        Words; run once, in the copy that the runs' copies are made of.
-    environment : tuple of (str, str)
-    """
-
-    __repr__ = short_repr
-
-    name: str
-    command: tuple[str, ...]
-    folder: Path | None = None
-    build: tuple[str, ...] | None = None
-    environment: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +60,8 @@ class GradedLab:
         Of the lab's points in the total.
     position : int
         In the start grid, from 1.
+    secret : bool
+        Whether published reports leave it out.
     """
 
     __repr__ = short_repr
@@ -83,6 +74,7 @@ class GradedLab:
     scoring: int = 0
     weight: float = 1.0
     position: int = 1
+    secret: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +155,11 @@ class Course:
     points : Points
     readable : tuple of Path
         What a sandbox shows besides the system and Python.
+    tournament : TournamentSettings
+    image : str or None
+        Of containers, with ciberrato and what agents need.
+    secret_seeds : frozenset of int
+        Those of the seeds that published reports leave out.
     """
 
     __repr__ = short_repr
@@ -177,6 +174,13 @@ class Course:
     limits: Limits
     points: Points
     readable: tuple[Path, ...] = ()
+    tournament: TournamentSettings = DEFAULT
+    image: str | None = None
+    secret_seeds: frozenset[int] = frozenset()
+
+    def hides(self, lab: GradedLab, seed: int) -> bool:
+        """Say whether published reports leave a run out."""
+        return lab.secret or seed in self.secret_seeds
 
 
 class CourseError(UsageError):
@@ -210,19 +214,23 @@ def read_course(path: Path) -> Course:
     CourseError
         With all faults found, a line each.
     """
+    faults: list[str] = []
+    course = _course(Fields(read_toml(path), str(path), faults), path.parent)
+    if faults:
+        raise CourseError(faults)
+    return course
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; what is wrong with it is a `CourseError` of one line."""
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise CourseError([f"{path}: cannot be read: {error.strerror}"]) from None
     except UnicodeDecodeError:
         raise CourseError([f"{path}: not UTF-8 text"]) from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise CourseError([f"{path}: not TOML: {error}"]) from None
-    faults: list[str] = []
-    course = _course(Fields(document, str(path), faults), path.parent)
-    if faults:
-        raise CourseError(faults)
-    return course
 
 
 def _course(top: Fields, folder: Path) -> Course:
@@ -234,44 +242,63 @@ def _course(top: Fields, folder: Path) -> Course:
     readable = tuple(folder / name for name in top.texts("readable"))
     for missing in (place for place in readable if not place.exists()):
         top.fault(f"readable: there is no {missing}")
+    image = top.text("image", None)
     limits = _limits(top.table("limits"))
     points = _points(top.table("points"))
-    labs = tuple(_lab(table, folder) for table in top.tables("lab"))
-    agents = tuple(_agent(table, folder) for table in top.tables("agent"))
+    tournament = read_settings(top.table("tournament"))
+    labs = tuple(read_graded_lab(table, folder) for table in top.tables("lab"))
+    agents = tuple(read_agent(table, folder) for table in top.tables("agent"))
     for kind, names in (("lab", [lab.name for lab in labs]), ("agent", [agent.name for agent in agents])):
         for name in sorted({name for name in names if names.count(name) > 1}):
             top.fault(f"{kind}: the name {name!r} is there more than once")
     if labs and sum(lab.weight for lab in labs) <= 0.0:
         top.fault("lab: no weight is greater than 0")
     top.end()
-    return Course(title, agents, labs, seeds, lockstep, speed or 1.0, answer_limit, limits, points, readable)
+    return Course(
+        title,
+        agents,
+        labs,
+        seeds,
+        lockstep,
+        speed or 1.0,
+        answer_limit,
+        limits,
+        points,
+        readable,
+        tournament,
+        image,
+    )
 
 
-def _agent(table: Fields, folder: Path) -> Agent:
+def grid_of(lab: str, grid: str | Path | None) -> Path | None:
+    """Find the start grid that goes with a lab.
+
+    Parameters
+    ----------
+    lab : str
+        As the user names it.
+    grid : str or Path or None
+        As the user names it; None = the one that ships under the lab's name, if one does.
+
+    Returns
+    -------
+    Path or None
+        Absolute; None = the simulator's own.
+
+    Raises
+    ------
+    UsageError
+        If there is no such grid.
+    """
+    if grid is None and lab not in shipped.names("grid"):
+        return None
+    return find_grid(lab if grid is None else grid).absolute()
+
+
+def read_graded_lab(table: Fields, folder: Path) -> GradedLab:
+    """Read a lab of a course; what is wrong is noted in the table's faults."""
     name = table.name()
-    given = table.text("folder", None)
-    place = None if given is None else (folder / given).resolve()
-    if place is not None and not place.is_dir():
-        table.fault(f"folder: there is no folder {place}")
-    elif place is not None and folder.resolve().is_relative_to(place):
-        table.fault(f"folder: {given} holds the course itself; put the agent into a folder of its own")
-    command = table.words("command", needed=True) or ()
-    for word in command:
-        left = word
-        for known in PLACEHOLDERS:
-            left = left.replace(known, "")
-        if "{" in left and "}" in left[left.index("{") :]:
-            table.fault(f"command: {word!r}: these can be filled in: {' '.join(PLACEHOLDERS)}")
-    build = table.words("build")
-    environment = table.settings("environment")
-    table.end()
-    if build is not None and place is None:
-        table.fault("build: needs a folder to build in")
-    return Agent(name, command, place, build, environment)
-
-
-def _lab(table: Fields, folder: Path) -> GradedLab:
-    name = table.name()
+    position = int(table.number("position", 1, least=1, most=255, whole=True) or 1)
 
     def found(key: str, find: object, default: str | None) -> Path | None:
         given = table.text(key, default)
@@ -284,8 +311,15 @@ def _lab(table: Fields, folder: Path) -> GradedLab:
             table.fault(f"{key}: {error}")
             return None
 
-    lab = found("lab", find_lab, name)
-    grid = found("grid", find_grid, None)
+    lab: Path | None
+    grid: Path | None
+    if table.has("random"):
+        for other in ("lab", "grid"):
+            if table.has(other):
+                table.fault(f"{other}: random makes one")
+        lab, grid = random_files(table.table("random"), position) or (None, None)
+    else:
+        lab, grid = found("lab", find_lab, name), found("grid", find_grid, None)
     parameters = found("parameters", find_parameters, None)
     settings = table.settings("set")
     try:
@@ -301,7 +335,6 @@ def _lab(table: Fields, folder: Path) -> GradedLab:
         table.fault(str(error))
     scoring = int(table.number("scoring", 0, least=0, most=7, whole=True) or 0)
     weight = table.number("weight", 1.0, least=0.0)
-    position = int(table.number("position", 1, least=1, most=255, whole=True) or 1)
     table.end()
     return GradedLab(
         name, lab or folder, grid, parameters, settings, scoring, 1.0 if weight is None else weight, position
@@ -354,7 +387,7 @@ def _limits(table: Fields) -> Limits:
 
 
 def _points(table: Fields) -> Points:
-    text = table.text("formula", "score") or "score"
+    text = table.text("formula", "merit") or "merit"
     formula = Formula("0", frozenset())
     try:
         formula = Formula(text, QUANTITIES)

@@ -28,6 +28,11 @@ class Fields:
         self._faults = faults
         self._seen: set[str] = set()
 
+    @property
+    def count(self) -> int:
+        """How many faults were noted so far, everywhere."""
+        return len(self._faults)
+
     def fault(self, what: str) -> None:
         """Note a fault."""
         self._faults.append(f"{self._place}: {what}".replace("\n", " "))
@@ -35,6 +40,11 @@ class Fields:
     def _take(self, key: str) -> Any:
         self._seen.add(key)
         return self._table.get(key)
+
+    def has(self, key: str) -> bool:
+        """Say whether an entry is there."""
+        self._seen.add(key)
+        return key in self._table
 
     def end(self) -> None:
         """Note entries that nothing has asked for."""
@@ -95,6 +105,30 @@ class Fields:
             self.fault(f"{key}: {kind}{span} was expected, not {value!r}")
             return default
         return int(value) if whole else float(value)
+
+    def truth(self, key: str) -> bool:
+        """Read true or false; false if it is not there."""
+        value = self._take(key)
+        if value is not None and not isinstance(value, bool):
+            self.fault(f"{key}: true or false was expected, not {value!r}")
+        return value is True
+
+    def numbers(self, key: str) -> tuple[float, ...] | None:
+        """Read a list of numbers; None if it is not there."""
+        value = self._take(key)
+        if value is None:
+            return None
+        if (
+            not isinstance(value, list)
+            or not value
+            or not all(
+                isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one)
+                for one in value
+            )
+        ):
+            self.fault(f"{key}: a list of numbers was expected, not {value!r}")
+            return None
+        return tuple(float(one) for one in value)
 
     def choice(self, key: str, choices: tuple[str, ...], default: str) -> str:
         """Read one of several words."""

@@ -127,7 +127,7 @@ def judge(
         cycle_time=cycle_time,
         answered=robot["answered"],
         unanswered=robot["unanswered"],
-        late=lockstep.get("late", robot["caught_up"]),
+        late=lockstep.get("late", 0) + robot["caught_up"],
         last_answer=robot["last_answer"],
         mapping=mapping,
         planning=planning,

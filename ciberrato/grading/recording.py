@@ -7,6 +7,7 @@ is written where it does.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ FORMAT = 1
 _SCALES = (1000, 1000, 10)
 
 
-def write_recording(log: Path, target: Path, title: str) -> bool:
+def write_recording(log: Path, target: Path, title: str, names: Mapping[str, str] | None = None) -> bool:
     """Write the recording of a log.
 
     Parameters
@@ -28,6 +29,8 @@ def write_recording(log: Path, target: Path, title: str) -> bool:
         Its file: a script that hands the recording to the page: so it can be opened from a disk.
     title : str
         What the page says it is.
+    names : mapping of str to str, optional
+        How robots are called, by their ids, whatever they call themselves.
 
     Returns
     -------
@@ -45,6 +48,8 @@ def write_recording(log: Path, target: Path, title: str) -> bool:
     for news in document["news"]:
         if news["type"] == "status":
             news["simulator"] = title
+        for robot in news["robots"] if news["type"] == "roster" and names else ():
+            robot["name"] = (names or {}).get(str(robot["id"]), robot["name"])
     if not document["times"]:
         return False
     text = json.dumps(document, separators=(",", ":"))

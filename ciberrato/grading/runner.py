@@ -7,22 +7,27 @@ depends on. A torn last line is run again.
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO, TypeVar
 
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.atomic import cut_torn_line
+from ciberrato.grading.cgroups import Groups
 from ciberrato.grading.course import Course
 from ciberrato.grading.launch import Launcher, RunError
+from ciberrato.grading.leftovers import temporary_folder
 from ciberrato.grading.outcome import Outcome
 from ciberrato.grading.task import Task
 from ciberrato.progress import ProgressBar
 from ciberrato.reprs import short_repr
+from ciberrato.system.process import processors
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +48,20 @@ class Graded:
     task: Task
     outcome: Outcome
     measured: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        """Which of the agent's runs it is."""
+        return f"{self.task.lab.name}, seed {self.task.seed}"
+
+    @property
+    def row(self) -> str:
+        """How a report's page calls it."""
+        return self.task.file
+
+    def extra(self) -> dict[str, Any]:
+        """Return further columns of the results."""
+        return {}
 
 
 def read_runs(path: Path) -> dict[str, tuple[Outcome, dict[str, Any]]]:
@@ -83,6 +102,8 @@ def grade(
     sandbox: str,
     jobs: int,
     progress: TextIO | None,
+    scheduler: str | None = None,
+    groups: Groups | None = None,
 ) -> list[str]:
     """Do the runs that are missing.
 
@@ -92,11 +113,16 @@ def grade(
     tasks : sequence of Task
     folder : Path
         Where ``runs.jsonl`` and ``recordings`` are, or are made.
-    sandbox : {"bwrap", "none"}
+    sandbox : {"bwrap", "docker", "podman", "none"}
+        With a scheduler also ``auto``: each worker chooses.
     jobs : int
         Runs at a time.
     progress : text stream or None
         For a bar.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers do the runs.
+    groups : Groups, optional
+        Control groups for the agents.
 
     Returns
     -------
@@ -109,64 +135,109 @@ def grade(
         If the folder cannot be written to, or an agent's files cannot be copied.
     """
     path, recordings = folder / "runs.jsonl", folder / "recordings"
-    try:
-        recordings.mkdir(parents=True, exist_ok=True)
-        cut_torn_line(path)
-        file = path.open("ab", buffering=0)
-    except OSError as error:
-        raise UsageError(f"{folder}: cannot be written: {error.strerror}") from None
+    file = open_runs(path, recordings)
     done = read_runs(path)
     missing = [task for task in tasks if task.key not in done]
     faults: list[str] = []
     bar = ProgressBar(len(missing), progress)
-    with file, tempfile.TemporaryDirectory(prefix="ciberrato-grade-", ignore_cleanup_errors=True) as name:
-        launcher = Launcher(course, sandbox, recordings, Path(name))
+    with file, temporary_folder() as temporary:
+        launcher = Launcher(course, sandbox, recordings, temporary)
+        if groups is not None:
+            launcher.groups = groups
 
-        def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
+        def note(task: Task, get: Callable[[], tuple[Outcome, dict[str, Any]]]) -> None:
             try:
-                outcome, measured = future.result()
+                outcome, measured = get()
             except RunError as error:
-                faults.append(f"{task.agent.name}, {task.lab.name}, seed {task.seed}: {error}")
+                # A server's output is for all to see.
+                where = f"{task.lab.name}, seed {task.seed}"
+                where = "a hidden run" if course.hides(task.lab, task.seed) else where
+                faults.append(f"{task.agent.name}, {where}: {error}")
                 return
             document = {
                 "key": task.key,
                 "agent": task.agent.name,
                 "lab": task.lab.name,
                 "seed": task.seed,
+                **({"commit": task.agent.commit} if task.agent.commit else {}),
                 "outcome": asdict(outcome),
                 "measured": measured,
             }
             file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
             bar.step()
 
-        _side_by_side(missing, launcher, jobs, keep)
+        def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
+            note(task, future.result)
+
+        if scheduler is None:
+            side_by_side(missing, launcher.run, launcher.end, jobs, keep)
+        elif missing:
+            from ciberrato.grading.cluster import on_cluster
+
+            for task, answer in on_cluster(course, missing, sandbox, scheduler, recordings):
+                note(task, partial(_answer, answer))
     bar.close()
     return faults
 
 
-def _side_by_side(
-    tasks: Sequence[Task],
-    launcher: Launcher,
+def _answer(answer: tuple[Outcome, dict[str, Any]] | RunError) -> tuple[Outcome, dict[str, Any]]:
+    if isinstance(answer, RunError):
+        raise answer
+    return answer
+
+
+def open_runs(path: Path, recordings: Path) -> BinaryIO:
+    """Open the file of runs to add to it, without a torn last line; and make the recordings' folder.
+
+    Raises
+    ------
+    UsageError
+        If that cannot be.
+    """
+    try:
+        recordings.mkdir(parents=True, exist_ok=True)
+        cut_torn_line(path)
+        return path.open("ab", buffering=0)
+    except OSError as error:
+        raise UsageError(f"{path.parent}: cannot be written: {error.strerror}") from None
+
+
+def side_by_side(
+    tasks: Sequence[T],
+    do: Callable[[T], R],
+    end: Callable[[], None],
     jobs: int,
-    keep: Callable[[Task, Future[tuple[Outcome, dict[str, Any]]]], None],
+    keep: Callable[[T, Future[R]], None],
 ) -> None:
+    """Do tasks in threads, so many at a time.
+
+    Parameters
+    ----------
+    tasks : sequence
+    do : callable
+        Does one.
+    end : callable
+        Ends those that go on; called at the end, and when something interrupts.
+    jobs : int
+    keep : callable
+        Told of each as soon as it is done, in this thread.
+    """
     executor = ThreadPoolExecutor(jobs)
-    running: dict[Future[tuple[Outcome, dict[str, Any]]], Task] = {}
+    running: dict[Future[R], T] = {}
     waiting = iter(tasks)
     try:
         while True:
             while len(running) < jobs and (task := next(waiting, None)) is not None:
-                running[executor.submit(launcher.run, task)] = task
+                running[executor.submit(do, task)] = task
             if not running:
                 break
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 keep(running.pop(future), future)
     finally:
-        launcher.end()
+        end()
         executor.shutdown(cancel_futures=True)
 
 
 def jobs_by_default(*, lockstep: bool) -> int:
     """Return how many runs there are at a time: in real time one for two processors, as clocks count."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, cores if lockstep else cores // 2)
+    return max(1, processors() if lockstep else processors() // 2)

@@ -12,17 +12,26 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ciberrato.errors import UsageError
+from ciberrato.grading.containers import find_engine
 from ciberrato.processes import ROOT
+from ciberrato.system import descendants
+from ciberrato.system.process import system_variables
 
-KINDS = ("auto", "bwrap", "none")
+KINDS = ("auto", "bwrap", "docker", "none")
 
+_LIMITED = {
+    "all": "processes, memory and time are limited all the same",
+    "memory": "memory and time are limited all the same, processes are not here",
+    "nothing": "time is limited all the same, processes and memory are not here",
+}
 WITHOUT = (
-    "no sandbox: agents can read and change whatever you can, and use the network; processes, memory and "
-    "time are limited all the same"
+    "no sandbox: agents can read and change whatever you can, and use the network; "
+    f"{_LIMITED[descendants.MEASURES]}"
 )
 """What `none` means, in a line."""
 
@@ -42,26 +51,30 @@ _INNER = (
 )
 
 
-def choose(kind: str) -> str:
+def choose(kind: str, image: str | None = None) -> str:
     """Find out which sandbox there is to be.
 
     Parameters
     ----------
-    kind : {"auto", "bwrap", "none"}
+    kind : {"auto", "bwrap", "docker", "none"}
         ``auto``: bwrap if it works here, or none.
+    image : str or None
+        Of containers.
 
     Returns
     -------
     str
-        ``bwrap`` or ``none``.
+        ``bwrap``, ``docker``, ``podman`` (where there is no docker) or ``none``.
 
     Raises
     ------
     UsageError
-        If bwrap is asked for and does not work.
+        If bwrap or containers are asked for and do not work.
     """
     if kind == "none":
         return kind
+    if kind == "docker":
+        return find_engine(image)
     reason = _why_not()
     if reason is None:
         return "bwrap"
@@ -72,15 +85,15 @@ def choose(kind: str) -> str:
 
 def _why_not() -> str | None:
     """Return why bubblewrap cannot be used, by using it exactly as a run does."""
-    if sys.platform != "linux" or shutil.which("bwrap") is None:
+    if descendants.MEASURES != "all" or shutil.which("bwrap") is None:
         return "there is no bwrap here"
     command = around_run(around_agent(["true"], Path("/tmp"), "/tmp", megabytes=1, processes=8, readable=()))
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+        done = subprocess.run(command, capture_output=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"bwrap does not work here: {error}"
     if done.returncode:
-        lines = done.stderr.strip().splitlines()
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
         return f"bwrap does not work here: {lines[-1] if lines else f'exit status {done.returncode}'}"
     return None
 
@@ -140,7 +153,7 @@ def _python() -> list[Path]:
     """Where this Python, its packages and ours are; the rest of a checkout is not for agents."""
     places = [Path(sys.prefix), Path(sys.base_prefix), Path(sys.executable).resolve().parents[1]]
     places += [ROOT / name for name in ("ciberrato", "agent", "simulator_stub", "maps")]
-    return [place for place in places if place.exists()]
+    return [place for place in places if os.path.exists(place)]  # not one whose folder may not be read
 
 
 def _outermost(places: Sequence[Path]) -> list[Path]:
@@ -168,8 +181,9 @@ def environment_of_agent(extra: Mapping[str, str]) -> dict[str, str]:
     here = str(Path(sys.executable).parent)
     path = os.environ.get("PATH", os.defpath)
     return {
+        **system_variables(),
         "PATH": os.pathsep.join([here, *(part for part in path.split(os.pathsep) if part and part != here)]),
-        "HOME": "/tmp",
+        "HOME": "/tmp" if os.path.isdir("/tmp") else tempfile.gettempdir(),
         "LANG": "C.UTF-8",
         "PYTHONDONTWRITEBYTECODE": "1",
         "PYTHONHASHSEED": "0",

@@ -10,7 +10,6 @@ import contextlib
 import json
 import math
 import os
-import selectors
 import signal
 import subprocess
 import sys
@@ -19,11 +18,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ciberrato.grading import children
-from ciberrato.processes import module_command
+from ciberrato.system import descendants
+from ciberrato.system.process import runnable
+from ciberrato.system.streams import streams
+
+SUPERVISOR = "ciberrato.grading.supervisor"
+"""This process, for `ciberrato.processes.module_command`."""
 
 LOOK = 0.05
-"""Seconds between looks at what the agent uses."""
+"""Seconds between looks at what goes on."""
 
 GRACE = 1.0
 """Seconds that an agent may go on after the run is over."""
@@ -64,21 +67,22 @@ class Run:
     wanted : mapping
         ``simulator`` and ``agent`` (command lines; without the first, None, the second is a build),
         ``environment``, ``work`` (the agent's working folder, or None if the command line sees to it),
-        ``result`` (the simulator's result file), ``limits``, ``overhead`` (processes of the sandbox's own).
+        ``result`` (the simulator's result file; ``grace`` in its last run: seconds that the agent may go on
+        afterwards), ``tail`` (bytes of its last output that are kept), ``limits``, ``overhead``
+        (processes of the sandbox's own).
     """
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
         self._wanted = wanted
         self._limits: Mapping[str, float] = wanted["limits"]
-        self._selector = selectors.DefaultSelector()
-        self._open = 0
+        self._streams = streams()
         self._simulator_output = Stream(1 << 16)
-        self._agent_output = Stream(TAIL, self._limits["output"] * 1024)
+        self._agent_output = Stream(wanted.get("tail", TAIL), self._limits["output"] * 1024)
         self._simulator: subprocess.Popen[bytes] | None = None
         self._agent: subprocess.Popen[bytes] | None = None
         self._stopped: str | None = None
         self._orphaned = False
-        self._peak = children.Usage(0, 0)
+        self._peak = descendants.Usage(0, 0)
         self._next_look = 0.0
 
     def run(self) -> dict[str, Any]:
@@ -104,7 +108,7 @@ class Run:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            preexec_fn=children.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
+            preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
         )
         self._watch(self._simulator.stdout, self._simulator_output.add)
         if not self._until(lambda: self._said(b"listening on udp"), 60.0):
@@ -124,7 +128,8 @@ class Run:
             self._stop("time limit")
             # The simulator ends by itself, as its robot is silent; only should it not, it is ended.
             self._until(lambda: False, 60.0 + 2.0 * limits["silence"])
-        until = time.monotonic() + GRACE
+        run = last_run(self._wanted.get("result")) or {}
+        until = time.monotonic() + run.get("grace", self._wanted.get("grace", GRACE))
         while not self._agent_ended() and time.monotonic() < until and not self._orphaned:
             self._look(LOOK)
         return self._document(began)
@@ -134,13 +139,13 @@ class Run:
         limits = self._limits
         try:
             self._agent = subprocess.Popen(
-                self._wanted["agent"],
+                runnable(self._wanted["agent"], self._wanted["environment"]),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 cwd=self._wanted["work"],
                 env=self._wanted["environment"],
-                preexec_fn=children.limiter(
+                preexec_fn=descendants.limiter(
                     seconds=limits["time"],
                     memory=int(2 * limits["memory"] * _MB) + 64 * _MB,
                     files=int(limits["files"]),
@@ -164,7 +169,7 @@ class Run:
     # --- what goes on ---------------------------------------------------------------------------
 
     def _watch(self, stream: Any, take: Callable[[bytes], object]) -> None:
-        self._selector.register(stream, selectors.EVENT_READ, take)
+        self._streams.watch(stream, take)
 
     def _parent(self, data: bytes) -> None:
         self._orphaned = self._orphaned or not data
@@ -194,26 +199,20 @@ class Run:
 
     def _look(self, seconds: float) -> bool:
         """Take what was written, and hold what the agent uses against its limits."""
-        any_news = False
-        for key, _ in self._selector.select(seconds):
-            data = os.read(key.fd, 1 << 16)
-            key.data(data)
-            any_news = any_news or bool(data)
-            if not data:
-                self._selector.unregister(key.fileobj)
+        any_news = self._streams.read(seconds)
         if self._agent is not None and self._stopped is None:
             limits = self._limits
             if self._agent_output.count > limits["output"] * 1024:
                 self._stop("output limit")
             elif time.monotonic() >= self._next_look:
-                self._next_look = time.monotonic() + LOOK
+                self._next_look = time.monotonic() + descendants.SECONDS_A_LOOK
                 processes = self._agents_processes()
-                used = children.usage(processes)
+                used = descendants.usage(processes)
                 if used.memory > limits["memory"] * _MB:
-                    exact = children.exact_memory(processes)
+                    exact = descendants.exact_memory(processes)
                     used = used._replace(memory=used.memory if exact is None else exact)
                 threads = used.threads - self._wanted["overhead"]
-                self._peak = children.Usage(
+                self._peak = descendants.Usage(
                     max(threads, self._peak.threads), max(used.memory, self._peak.memory)
                 )
                 if threads > limits["processes"]:
@@ -226,16 +225,16 @@ class Run:
 
     def _agents_processes(self) -> list[int]:
         simulator = self._simulator.pid if self._simulator is not None else 0
-        return [process for process in children.descendants(os.getpid()) if process != simulator]
+        return [process for process in descendants.descendants(os.getpid()) if process != simulator]
 
     def _stop(self, why: str) -> None:
         if self._agent_ended():
             return
         self._stopped = why
-        children.end_all(self._agents_processes)
+        descendants.end_all(self._agents_processes, child=self._agent)
 
     def _end_everything(self) -> None:
-        children.end_all(self._agents_processes)
+        descendants.end_all(self._agents_processes, child=self._agent)
         if self._simulator is not None and self._simulator.poll() is None:
             self._simulator.send_signal(signal.SIGTERM)
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -249,14 +248,13 @@ class Run:
         over = not self._goes_on()
         status = self._agent.poll() if self._agent is not None else None
         self._end_everything()
-        while self._selector.get_map() and self._look(0.0):
-            pass
+        self._streams.rest()
         code, number = status, None
         if status is not None and (status < 0 or (self._wanted["overhead"] and status > 128)):
             code, number = None, -status if status < 0 else status - 128
         return {
             "error": None,
-            "run": _last_run(self._wanted.get("result")),
+            "run": last_run(self._wanted.get("result")),
             "registered": self._registered(),
             "note": note,
             "stopped": self._stopped,
@@ -271,7 +269,8 @@ class Run:
         }
 
 
-def _last_run(path: str | None) -> dict[str, Any] | None:
+def last_run(path: str | None) -> dict[str, Any] | None:
+    """Read the last run of a simulator's result file; None if there is none."""
     try:
         runs = json.loads(Path(path or os.devnull).read_text(encoding="utf-8"))["runs"]
     except (OSError, ValueError, KeyError):
@@ -281,8 +280,23 @@ def _last_run(path: str | None) -> dict[str, Any] | None:
 
 def main() -> int:
     """Do the run that standard input asks for."""
+    return look_after(lambda wanted: Run(wanted).run())
+
+
+def look_after(do: Callable[[dict[str, Any]], dict[str, Any]]) -> int:
+    """Do what a line of standard input asks for, and write what came of it, and its recording.
+
+    Parameters
+    ----------
+    do : callable
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that started this decides
-    children.adopt_orphans()
+    descendants.adopt_orphans()
     line = b""
     while not line.endswith(b"\n"):  # byte for byte: what follows is watched by the run
         one = os.read(0, 1)
@@ -290,18 +304,16 @@ def main() -> int:
             return 1
         line += one
     wanted = json.loads(line)
-    document = Run(wanted).run()
+    document = do(wanted)
     if wanted.get("log") and document.get("run"):
         from ciberrato.grading.recording import write_recording
 
-        write_recording(Path(wanted["log"]), Path(wanted["recording"]), wanted["title"])
+        names = document.get("names")
+        if names is None and document["run"]["robots"]:
+            names = {str(document["run"]["robots"][0]["id"]): wanted["name"]}
+        write_recording(Path(wanted["log"]), Path(wanted["recording"]), wanted["title"], names)
     print(json.dumps(document), flush=True)
     return 0
-
-
-def supervisor_command() -> list[str]:
-    """Return the command line of this process."""
-    return module_command("ciberrato.grading.supervisor")
 
 
 if __name__ == "__main__":

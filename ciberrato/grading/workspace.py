@@ -11,6 +11,10 @@ from pathlib import Path
 from ciberrato.errors import UsageError
 
 LEFT_OUT = frozenset({".git", "__pycache__", ".hg", ".svn"})
+FAILURES = "ciberrato-failures"
+"""Where the pytest plugin keeps what is left of tests that failed."""
+
+_KEPT_BY_TOOLS = frozenset({".pytest_cache", ".mypy_cache", ".ruff_cache", ".tox", ".nox", FAILURES})
 MOST_BYTES = 512 * 1024 * 1024
 MOST_FILES = 20_000
 
@@ -94,3 +98,51 @@ def digest_folder(folder: Path) -> str:
             head = f"{relative}\0{state.st_mode & 0o111:o}\0{len(content)}\0"
             digest.update(head.encode("utf-8", "surrogateescape") + content)
     return digest.hexdigest()
+
+
+def stage_folder(source: Path, target: Path) -> None:
+    """Copy the folder that a user works in, so that an agent may run in the copy.
+
+    Left out are what `copy_folder` leaves out and what other tools keep there; virtual environments and
+    ``node_modules`` are there as links to the real ones.
+
+    Parameters
+    ----------
+    source, target : Path
+        The target must not be there; it may lie in the source.
+
+    Raises
+    ------
+    UsageError
+        If there is too much of it, or a file cannot be copied.
+    """
+    source, target = source.resolve(), target.resolve()
+    linked: list[Path] = []
+    count = size = 0
+
+    def ignore(folder: str, names: list[str]) -> set[str]:
+        nonlocal count, size
+        left = _left_out(folder, names) | (_KEPT_BY_TOOLS & set(names))
+        for name in set(names) - left:
+            path = Path(folder, name)
+            if path == target or path in target.parents:
+                left.add(name)
+            elif not path.is_symlink() and (name == "node_modules" or (path / "pyvenv.cfg").is_file()):
+                left.add(name)
+                linked.append(path)
+            else:
+                count += 1
+                size += path.lstat().st_size
+        if count > MOST_FILES or size > MOST_BYTES:
+            raise UsageError(
+                f"{source}: more than {MOST_FILES} files or {MOST_BYTES >> 20} MB; name the folder "
+                "that holds the agent only"
+            )
+        return left
+
+    try:
+        shutil.copytree(source, target, symlinks=True, ignore=ignore)
+        for path in linked:
+            (target / path.relative_to(source)).symlink_to(path)
+    except (shutil.Error, OSError) as error:
+        raise UsageError(f"{source}: cannot be copied: {_first(error)}") from None

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ciberrato.command_line import ProgramParser
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.command_line import ProgramParser, run_program
+from ciberrato.errors import UsageError
 
 PROGRAM = "ciberrato-lab"
 
@@ -30,17 +29,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0; 2 for what the user can put right: files that cannot be used, and with ``--strict``
         all warnings.
     """
-    try:
+    shows = False
+
+    def body() -> int:
+        nonlocal shows
         options = _parser().parse_args(arguments)
+        shows = options.run in (_check, _schema)
         status: int = options.run(options)
-        sys.stdout.flush()
         return status
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except CiberratoError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
+
+    return run_program(PROGRAM, body, shows=lambda: shows)
 
 
 def _check(options: argparse.Namespace) -> int:

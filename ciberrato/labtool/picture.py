@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -100,3 +101,36 @@ def _figure(lab: Lab, more: float) -> tuple[Any, Any]:
 def _line(number: int, text: str) -> str:
     text = f"{number}  {text}"
     return text.replace("$", r"\$") if len(text) <= _LONGEST else text[:_LONGEST].replace("$", r"\$") + "…"
+
+
+def draw_track(lab: Lab, path: Path, poses: Sequence[tuple[float, float]], title: str) -> None:
+    """Draw a lab and the way that a robot has gone through it, from blue to yellow.
+
+    Parameters
+    ----------
+    lab : Lab
+    path : Path
+        The ending chooses the format.
+    poses : sequence of (x, y)
+        Units, a cycle each.
+    title : str
+
+    Raises
+    ------
+    UsageError
+        If the figure cannot be written.
+    """
+    from matplotlib.collections import LineCollection
+
+    figure, axis = _figure(lab, 0.0)
+    plot.lab(lab, axis)
+    pairs = list(pairwise(poses))
+    track = LineCollection(pairs, array=range(len(pairs)), cmap="viridis", linewidths=2.0, zorder=6)
+    axis.add_collection(track)
+    for pose, marker, name in ((poses[0], "o", "start"), (poses[-1], "s", "end")):
+        axis.plot(*pose, marker, markersize=7, markerfacecolor="white", color="#D55E00", zorder=7)
+        axis.annotate(name, pose, xytext=(6, 6), textcoords="offset points", color="#D55E00", zorder=8)
+    if pairs:
+        figure.colorbar(track, ax=axis, label="cycle", shrink=0.6)
+    axis.set_title(title, fontsize=10)
+    save_figure(figure, path)

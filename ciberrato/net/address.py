@@ -10,6 +10,8 @@ DEFAULT_HOST = "127.0.0.1"
 """This machine."""
 DEFAULT_PORT = 6000
 """The simulator's main port, over UDP and TCP, unless it was told otherwise."""
+TOKEN_VARIABLE = "CIBERRATO_VIEW_TOKEN"
+"""Of the environment: what views show to a simulator, so that it need not stand in a command line."""
 
 
 def parse_address(text: str, default_port: int = DEFAULT_PORT) -> tuple[str, int]:
@@ -78,3 +80,8 @@ def resolve(host: str, port: int) -> tuple[str, int]:
         raise UsageError(f"host {host!r} cannot be found: {reason}") from None
     address = str(found[0][4][0])
     return ("127.0.0.1" if address == "0.0.0.0" else address), port
+
+
+def answers_for(sender: str, asked: str) -> bool:
+    """Return whether a sender may answer for an address: 127.0.0.1 does for all of 127/8."""
+    return sender == asked or (sender == "127.0.0.1" and asked.startswith("127."))

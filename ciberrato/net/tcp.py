@@ -165,6 +165,8 @@ class TcpLink:
 
     def _read(self) -> bool:
         """Take one segment; False if there is none."""
+        if not self._connected:
+            return False
         try:
             data = self._socket.recv(_SEGMENT)
         except BlockingIOError:

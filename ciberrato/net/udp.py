@@ -5,22 +5,18 @@ from __future__ import annotations
 import errno
 import select
 import socket
-import struct
-import sys
 import time
 
-from ciberrato.net.address import resolve
+from ciberrato.errors import ProtocolError
+from ciberrato.net.address import answers_for, resolve
 from ciberrato.net.link import Arrival, LinkError
+from ciberrato.system.sockets import receive_stamped, stamp_arrivals
 
 _MOST_AT_ONCE = 1000
 """Datagrams that one call takes, so that a flood cannot keep it from returning."""
 
 _RECEIVE_BUFFER = 1 << 20
 """Bytes that may wait: some seconds of Measures and status messages at the shortest cycle times."""
-
-# Linux' option that makes the kernel stamp each datagram; the socket module has no name for it.
-_SO_TIMESTAMPNS = 35 if sys.platform == "linux" else None
-_STAMP = struct.Struct("@ll")
 
 
 class UdpLink:
@@ -53,8 +49,7 @@ class UdpLink:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
-        if _SO_TIMESTAMPNS is not None:
-            self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        stamp_arrivals(self._socket)
 
     @property
     def peer(self) -> tuple[str, int] | None:
@@ -99,11 +94,13 @@ class UdpLink:
         arrivals = []
         for _ in range(_MOST_AT_ONCE):
             try:
-                data, notes, _, sender = self._socket.recvmsg(65535, 64)
-            except (BlockingIOError, ConnectionError):
+                data, sender, arrived = receive_stamped(self._socket)
+            except ConnectionError:
+                continue  # Windows reports a refused datagram in the place of the next one that has come
+            except BlockingIOError:
                 break
-            if self._is_ours(sender):
-                arrivals.append(Arrival(data, _stamp(notes)))
+            if self._is_ours(sender, data):
+                arrivals.append(Arrival(data, arrived))
         return arrivals
 
     def fileno(self) -> int:
@@ -126,14 +123,16 @@ class UdpLink:
             data, sender = self._socket.recvfrom(65535)
         except (BlockingIOError, ConnectionError):
             return None
-        return data if self._is_ours(sender) else None
+        return data if self._is_ours(sender, data) else None
 
-    def _is_ours(self, sender: tuple[str, int]) -> bool:
+    def _is_ours(self, sender: tuple[str, int], data: bytes) -> bool:
         if self._peer is not None:
             return sender == self._peer
-        if sender in self._former or not _same_machine(sender[0], self._main[0]):
+        if sender in self._former or not answers_for(sender[0], self._main[0]):
             return False
-        self._peer = sender
+        # A refusal may come from any program: an acceptance after it counts.
+        if not _is_refusal(data):
+            self._peer = sender
         return True
 
     def _send(self, data: bytes, address: tuple[str, int]) -> None:
@@ -147,15 +146,10 @@ class UdpLink:
             raise LinkError(f"cannot send to {address[0]}:{address[1]}: {error.strerror}") from None
 
 
-def _stamp(notes: list[tuple[int, int, bytes]]) -> float | None:
-    """Find the kernel's time of arrival among what it says of a datagram."""
-    for level, kind, value in notes:
-        if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(value) >= _STAMP.size:
-            seconds, nanoseconds = _STAMP.unpack_from(value)
-            return float(seconds) + 1e-9 * float(nanoseconds)
-    return None
+def _is_refusal(data: bytes) -> bool:
+    from ciberrato.protocol import Refusal, decode_simulator_message
 
-
-def _same_machine(first: str, second: str) -> bool:
-    """Return whether two addresses are one machine's: 127.0.0.1 answers for 127.0.1.1 too."""
-    return first == second or (first.startswith("127.") and second.startswith("127."))
+    try:
+        return isinstance(decode_simulator_message(data), Refusal)
+    except ProtocolError:
+        return False

@@ -106,10 +106,10 @@ def decode_registration(data: bytes, *, limit: int | None = REGISTRATION_LIMIT) 
         )
     if root.name == "View":
         _refuse_children(root)
-        return ViewRegistration()
+        return ViewRegistration(root.attributes.get("Token"))
     if root.name == "Panel":
         _refuse_children(root)
-        return PanelRegistration()
+        return PanelRegistration(root.attributes.get("Token"))
     raise ProtocolError(f"{shown(root.name)}: not a registration; Robot, RobotBeacon, View and Panel are")
 
 

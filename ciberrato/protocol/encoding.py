@@ -112,6 +112,11 @@ def _robot_beacon(message: RobotBeaconRegistration) -> str:
     return _within(text, REGISTRATION_LIMIT, "RobotBeacon")
 
 
+def _onlooker(element: str, token: str | None) -> str:
+    written = "" if token is None else f' Token="{attribute(token, f"{element} Token")}"'
+    return _within(f"<{element}{written}/>", REGISTRATION_LIMIT, element)
+
+
 def _actions(message: Actions) -> str:
     m = message
     pieces = ["<Actions"]
@@ -198,8 +203,8 @@ def _within(text: str, limit: int, element: str) -> str:
 _ENCODERS: dict[type, Callable[[Any], str]] = {
     RobotRegistration: _robot,
     RobotBeaconRegistration: _robot_beacon,
-    ViewRegistration: lambda _: "<View/>",
-    PanelRegistration: lambda _: "<Panel/>",
+    ViewRegistration: lambda m: _onlooker("View", m.token),
+    PanelRegistration: lambda m: _onlooker("Panel", m.token),
     Actions: _actions,
     LabRequest: lambda _: "<LabReq/>",
     GridRequest: lambda _: "<GridReq/>",

@@ -70,12 +70,32 @@ class RobotBeaconRegistration:
 
 @dataclass(frozen=True, slots=True)
 class ViewRegistration:
-    """A viewer asks to be told everything."""
+    """A viewer asks to be told everything.
+
+    Attributes
+    ----------
+    token : str or None
+        What lets it in where the simulator wants one; the real one, which has no such thing, ignores it.
+    """
+
+    __repr__ = short_repr
+
+    token: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class PanelRegistration:
-    """A control panel registers; it gets a Reply and nothing else."""
+    """A control panel registers; it gets a Reply and nothing else.
+
+    Attributes
+    ----------
+    token : str or None
+        As in `ViewRegistration`.
+    """
+
+    __repr__ = short_repr
+
+    token: str | None = None
 
 
 Registration = RobotRegistration | RobotBeaconRegistration | ViewRegistration | PanelRegistration

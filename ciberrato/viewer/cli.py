@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import contextlib
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ciberrato.command_line import ProgramParser
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.command_line import ProgramParser, run_program
+from ciberrato.errors import UsageError
+from ciberrato.system.loops import run_with_sockets
 
 if TYPE_CHECKING:
     from ciberrato.viewer.server import Server
@@ -34,14 +35,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit status: 0, or 2 for what the user can put right.
     """
-    try:
-        options = _parser().parse_args(arguments)
-        return asyncio.run(_serve(options))
-    except KeyboardInterrupt:
-        return 0
-    except CiberratoError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
+
+    def body() -> int:
+        try:
+            options = _parser().parse_args(arguments)
+            return run_with_sockets(_serve(options))
+        except KeyboardInterrupt:
+            return 0
+
+    return run_program(PROGRAM, body)
 
 
 async def _serve(options: argparse.Namespace) -> int:
@@ -75,7 +77,9 @@ def _build(options: argparse.Namespace) -> Server:
             host, port = parse_address(options.simulator)
             link = TcpLink(host, port) if options.transport == "tcp" else UdpLink(host, port)
             opened.callback(link.close)
-            session = Session(f"{host}:{port}", control=options.control, notify=notify)
+            session = Session(
+                f"{host}:{port}", control=options.control, notify=notify, view_token=options.view_token
+            )
         page_host, page_port = options.http
         server = Server(
             session,
@@ -141,6 +145,8 @@ def _notifier(*, quiet: bool) -> Callable[[str], None]:
 
 
 def _parser() -> argparse.ArgumentParser:
+    from ciberrato.net.address import TOKEN_VARIABLE
+
     parser = ProgramParser(
         PROGRAM,
         description="Watch a CiberRato simulator, real or stub, in the browser.",
@@ -154,6 +160,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     world.add_argument(
         "--transport", choices=("udp", "tcp"), default="udp", help="the real simulator has udp only"
+    )
+    world.add_argument(
+        "--view-token",
+        default=os.environ.get(TOKEN_VARIABLE) or None,
+        metavar="TEXT",
+        help=f"that the simulator wants of views, if it does; default: {TOKEN_VARIABLE}, or none",
     )
     world.add_argument(
         "--run",

@@ -82,6 +82,8 @@ class SimulatorConnection:
     ----------
     notify : callable
         Told, in one line each, what people may want to know.
+    token : str or None
+        What a simulator of ours may want of its views.
 
     Attributes
     ----------
@@ -90,7 +92,10 @@ class SimulatorConnection:
         Datagrams that were no message.
     """
 
-    def __init__(self, notify: Callable[[str], None] = lambda line: None) -> None:
+    def __init__(
+        self, notify: Callable[[str], None] = lambda line: None, *, token: str | None = None
+    ) -> None:
+        self._token = token
         self.state = ConnectionState.SEARCHING
         self.undecodable = 0
         self._notify = notify
@@ -200,7 +205,7 @@ class SimulatorConnection:
     def _search(self, now: float) -> list[Outgoing]:
         self.state = ConnectionState.SEARCHING
         self._deadline = now + self._wait
-        return [Outgoing(encode(ViewRegistration()), registration=True)]
+        return [Outgoing(encode(ViewRegistration(self._token)), registration=True)]
 
     def _receive_reply(
         self, message: SimulatorMessage, now: float

@@ -5,12 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import os
 import secrets
-import signal
 import socket
-import stat
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -24,6 +20,9 @@ from websockets.http11 import Request, Response
 from ciberrato.errors import UsageError
 from ciberrato.net.link import Link, LinkClosedError, LinkError
 from ciberrato.reprs import short_repr
+from ciberrato.system.loops import call_in, stop_on_signals
+from ciberrato.system.process import when_input_ends
+from ciberrato.system.sockets import keep_port
 from ciberrato.viewer.connection import Outgoing
 from ciberrato.viewer.outbox import Outbox
 from ciberrato.viewer.page_messages import MOST_COMMAND_BYTES, Control, PageError, read_page_message
@@ -166,11 +165,9 @@ class Server:
             Called when the page can be opened.
         """
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(ValueError, RuntimeError):  # not in the main thread
-                loop.add_signal_handler(number, self.stop)
+        stop_on_signals(loop, self.stop)
         if until_eof:
-            await _watch_standard_input(loop, self.stop)
+            when_input_ends(lambda: call_in(loop, self.stop))
         async with serve(
             self._attend,
             sock=self._socket,
@@ -366,8 +363,7 @@ def _open(kind: socket.SocketKind, host: str, port: int, what: str) -> socket.so
     except OSError as error:
         raise UsageError(f"cannot open the {what}'s port on {host}: {error.strerror}") from None
     try:
-        if kind == socket.SOCK_STREAM:
-            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        keep_port(opened)
         opened.bind(address)
         if kind == socket.SOCK_DGRAM:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
@@ -378,21 +374,6 @@ def _open(kind: socket.SocketKind, host: str, port: int, what: str) -> socket.so
         ) from None
     opened.setblocking(False)
     return opened
-
-
-async def _watch_standard_input(loop: asyncio.AbstractEventLoop, stop: Callable[[], None]) -> None:
-    class Ending(asyncio.Protocol):
-        def connection_lost(self, error: Exception | None) -> None:
-            stop()
-
-    if sys.stdin is None or _has_no_end_to_come(os.fstat(sys.stdin.fileno())):
-        stop()  # closed, a file or /dev/null: it has ended, and an event loop cannot watch it
-        return
-    await loop.connect_read_pipe(Ending, sys.stdin)
-
-
-def _has_no_end_to_come(status: os.stat_result) -> bool:
-    return stat.S_ISREG(status.st_mode) or os.path.samestat(status, os.stat(os.devnull))
 
 
 def _import_scipy() -> None:

@@ -73,11 +73,12 @@ class Session:
         control: bool = True,
         recording: bool = False,
         notify: Callable[[str], None] = lambda line: None,
+        view_token: str | None = None,
     ) -> None:
         self.world = World()
         self.timeline = Timeline()
         self.overlays = OverlayStore()
-        self.connection = SimulatorConnection(notify)
+        self.connection = SimulatorConnection(notify, token=view_token)
         self.recording = recording
         self.refused_overlays = 0
         self._address = address

@@ -1,4 +1,4 @@
-"""Many simulations at once, for evaluation and learning: one robot in each world, the same lab in all."""
+"""Many simulations at once, for evaluation and learning: one robot in each world."""
 
 from __future__ import annotations
 

@@ -1,119 +1,166 @@
 """One cycle of a batch in machine code: the loops of `simulator_stub.batch.loops`, and what they leave open.
 
 That is: places that have no square yet, squares with very many faces, sensors that lie exactly on a face,
-readings that hang on rounding, and axes that one turn does not bring within ±π.
-The functions for one robot decide there. The few other sensors are the same as without machine code.
+readings that hang on rounding, rims of targets, and axes that one turn does not bring within ±π. The
+functions for one robot decide there.
+
+Threads share the robots of a lab among them. None of them writes to what another one reads, and what is left
+open is done when all have ended, so the results do not depend on how many they are.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ciberrato.arrays import Floats
+from ciberrato.arrays import Booleans, Floats, Integers
 from ciberrato.infrared.exact import exact_distance, hangs_on_rounding
 from ciberrato.infrared.model import SENSOR_OFFSET, distances_at, ideal_reading, round_reading
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.batch import loops
-from simulator_stub.batch.arrays import compass, ground
+from simulator_stub.batch.arrays import inside
 from simulator_stub.batch.floortables import FloorTables
-from simulator_stub.batch.plan import BatchPlan
+from simulator_stub.batch.plan import LabPlan
 from simulator_stub.batch.state import BatchState
-from simulator_stub.sensors.line import SIDEWAYS
 from simulator_stub.world.floor import Floor
 
-__all__ = ["compass", "ground", "infrared", "line", "move"]
-
+LEAST_SHARE = 256
+"""Robots for which another thread is worth its while."""
 
 _NO_NOISE = np.zeros((1, 1))
 
 
-def move(plan: BatchPlan, state: BatchState, noise: Floats | None) -> None:
-    """Let the motors run and the robots move, as `simulator_stub.batch.arrays.move`."""
-    tables = plan.tables
-    undecided = np.zeros(plan.worlds, np.bool_)
-    wanted = np.empty((2, plan.worlds))
-    count = loops.move(
-        (state.x, state.y, state.heading),
-        (state.left_command, state.right_command, state.left_output, state.right_output),
-        state.collides,
-        state.collisions,
-        plan.motor_deviation,
-        _NO_NOISE if noise is None else noise,
-        tables.faces,
-        tables.row_of,
-        tables.touched,
-        tables.touched_count,
-        wanted,
-        undecided,
-    )
-    if count:
-        robots = np.flatnonzero(undecided)
-        tables.rows_at(*wanted[:, robots])
-        for robot in robots.tolist():
-            x, y = float(wanted[0, robot]), float(wanted[1, robot])
-            collides = tables.walls.touches(x, y, ROBOT_RADIUS)
-            state.collisions[robot] += collides and not state.collides[robot]
-            state.collides[robot] = collides
-            if not collides:
-                state.x[robot], state.y[robot] = x, y
+class CompiledKernels:
+    """The functions of `simulator_stub.batch.arrays` in machine code, with the same results.
+
+    Parameters
+    ----------
+    threads : int
+        At most so many work at a time.
+    """
+
+    def __init__(self, threads: int) -> None:
+        self._threads = threads
+        self._pool = ThreadPoolExecutor(threads - 1, "ciberrato-batch") if threads > 1 else None
+
+    def _share(self, work: Callable[[Integers], int], robots: Integers) -> int:
+        """Let threads do a part each; return the sum of what they return."""
+        shares = min(self._threads, robots.size // LEAST_SHARE)
+        if self._pool is None or shares < 2:
+            return work(robots)
+        mine, *others = np.array_split(robots, shares)
+        waiting = [self._pool.submit(work, part) for part in others]
+        return work(mine) + sum(part.result() for part in waiting)
+
+    def move(self, lab: LabPlan, robots: Integers, state: BatchState, noise: Floats | None) -> None:
+        """Let the motors run and the robots move, as `simulator_stub.batch.arrays.move`."""
+        tables = lab.tables
+        undecided = np.zeros(state.x.size, np.bool_)
+        wanted = np.empty((2, state.x.size))
+
+        def work(part: Integers) -> int:
+            count: int = loops.move(
+                part,
+                (state.x, state.y, state.heading),
+                (state.left_command, state.right_command, state.left_output, state.right_output),
+                (state.moves, state.collides, state.collision_begins, state.collisions),
+                state.motor_deviation,
+                _NO_NOISE if noise is None else noise,
+                (tables.faces, tables.row_of, tables.touched, tables.touched_count),
+                wanted,
+                undecided,
+            )
+            return count
+
+        if self._share(work, robots):
+            open_ones = np.flatnonzero(undecided)
+            tables.rows_at(*wanted[:, open_ones])
+            for robot in open_ones.tolist():
+                x, y = float(wanted[0, robot]), float(wanted[1, robot])
+                collides = tables.walls.touches(x, y, ROBOT_RADIUS)
+                moves = bool(state.moves[robot])
+                begins = collides and moves and not state.collides[robot]
+                state.collision_begins[robot] = begins
+                state.collisions[robot] += begins
+                state.collides[robot] = collides
+                if moves and not collides:
+                    state.x[robot], state.y[robot] = x, y
+
+    def sense(
+        self,
+        lab: LabPlan,
+        robots: Integers,
+        state: BatchState,
+        noise: tuple[Floats | None, Floats | None],
+        out: tuple[Floats, Floats, Integers],
+    ) -> None:
+        """Read IR sensors, compasses and ground sensors, as `simulator_stub.batch.arrays.sense`."""
+        tables = lab.tables
+        infrared_noise, compass_noise = (_NO_NOISE if one is None else one for one in noise)
+
+        def work(part: Integers) -> int:
+            count: int = loops.sense(
+                part,
+                (state.x, state.y, state.heading),
+                state.angles,
+                (state.obstacle_deviation, state.compass_deviation),
+                (infrared_noise, compass_noise),
+                (tables.faces, tables.row_of, tables.seen),
+                lab.targets,
+                *out,
+            )
+            return count
+
+        if self._share(work, robots):
+            _complete(lab, robots, state, infrared_noise, out[0])
+            near = robots[out[2][robots] == loops.UNDECIDED]
+            out[2][near] = inside(lab, state.x[near], state.y[near])
+
+    def line(
+        self, lab: LabPlan, robots: Integers, state: BatchState, noise: Floats | None, marks: Booleans
+    ) -> None:
+        """Read the line sensors, as `simulator_stub.batch.arrays.line`."""
+        floor = _floor_tables(lab.world.floor)
+
+        def work(part: Integers) -> int:
+            loops.line(
+                part,
+                (state.x, state.y, state.heading),
+                state.line_probability,
+                _NO_NOISE if noise is None else noise,
+                (*floor.origin, floor.first, floor.polygons, floor.corner_first, floor.corners),
+                marks,
+            )
+            return 0
+
+        self._share(work, robots)
 
 
-def infrared(plan: BatchPlan, state: BatchState, noise: Floats | None) -> Floats:
-    """Read the IR sensors, as `simulator_stub.batch.arrays.infrared`."""
-    tables = plan.tables
-    noise = _NO_NOISE if noise is None else noise
-    readings = np.empty((plan.worlds, len(plan.angles)))
-    count = loops.infrared(
-        (state.x, state.y, state.heading),
-        np.array(plan.angles),
-        plan.obstacle_deviation,
-        noise,
-        tables.faces,
-        tables.row_of,
-        tables.seen,
-        readings,
-    )
-    if count:
-        _complete(plan, state, noise, readings)
-    return readings
-
-
-def _complete(plan: BatchPlan, state: BatchState, noise: Floats, readings: Floats) -> None:
-    """Read the sensors that were left open."""
-    robots, sensors = np.nonzero(np.isnan(readings))
-    axes = state.heading[robots] + np.array(plan.angles)[sensors]
+def _complete(lab: LabPlan, robots: Integers, state: BatchState, noise: Floats, readings: Floats) -> None:
+    """Read the IR sensors that were left open."""
+    rows, sensors = np.nonzero(np.isnan(readings[robots]))
+    who = robots[rows]
+    axes = state.heading[who] + state.angles[sensors]
     # So that these squares are known in the next cycle.
-    plan.tables.rows_at(
-        state.x[robots] + SENSOR_OFFSET * np.cos(axes), state.y[robots] + SENSOR_OFFSET * np.sin(axes)
+    lab.tables.rows_at(
+        state.x[who] + SENSOR_OFFSET * np.cos(axes), state.y[who] + SENSOR_OFFSET * np.sin(axes)
     )
-    for robot, sensor, axis in zip(robots.tolist(), sensors.tolist(), axes.tolist(), strict=True):
+    walls = lab.world.walls
+    for robot, sensor, axis in zip(who.tolist(), sensors.tolist(), axes.tolist(), strict=True):
         place = float(state.x[robot]), float(state.y[robot])
-        distance = distances_at(plan.tables.walls, *place, [axis])[0]
-        if plan.obstacle_deviation == 0.0 and hangs_on_rounding(distance):
-            distance = exact_distance(plan.tables.walls, *place, axis, SENSOR_OFFSET)
+        deviation = float(state.obstacle_deviation[robot])
+        distance = distances_at(walls, *place, [axis])[0]
+        if deviation == 0.0 and hangs_on_rounding(distance):
+            distance = exact_distance(walls, *place, axis, SENSOR_OFFSET)
         reading = ideal_reading(distance)
-        if plan.obstacle_deviation > 0.0:
-            reading += plan.obstacle_deviation * float(noise[robot, sensor])
+        if deviation > 0.0:
+            reading += deviation * float(noise[robot, sensor])
         readings[robot, sensor] = round_reading(reading)
 
 
-def line(plan: BatchPlan, state: BatchState, noise: Floats | None) -> NDArray[np.bool_]:
-    """Read the line sensors, as `simulator_stub.batch.arrays.line`."""
-    floor = _floor_tables(plan.world.floor)
-    marks = np.empty((plan.worlds, len(SIDEWAYS)), np.bool_)
-    loops.line(
-        (state.x, state.y, state.heading),
-        plan.world.parameters.line_sensor_true_probability if noise is not None else 1.0,
-        _NO_NOISE if noise is None else noise,
-        (*floor.origin, floor.first, floor.polygons, floor.corner_first, floor.corners),
-        marks,
-    )
-    return marks
-
-
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _floor_tables(floor: Floor) -> FloorTables:
     return FloorTables(floor)

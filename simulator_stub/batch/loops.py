@@ -23,42 +23,36 @@ from simulator_stub.sensors.line import AHEAD, SIDEWAYS
 from simulator_stub.world.floor import SQUARES_PER_UNIT as FLOOR_SQUARES_PER_UNIT
 
 _SIDEWAYS = np.array(SIDEWAYS)
+RIM = 1e-9
+"""Units: nearer to the rim of a target than that, only `math.hypot` decides."""
+UNDECIDED = -2
+"""What the ground sensor reads there."""
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
 
 @_jit
-def move(
-    pose,
-    motors,
-    collides,
-    collisions,
-    deviation,
-    noise,
-    faces,
-    row_of,
-    touched,
-    touched_count,
-    wanted,
-    undecided,
-):
-    """Move all robots; returns how many are undecided, with `wanted` the places where they would be."""
+def move(robots, pose, motors, flags, deviation, noise, tables, wanted, undecided):
+    """Move robots; returns how many are undecided, with `wanted` the places where they would be."""
     xs, ys, headings = pose
     left_command, right_command, left_output, right_output = motors
+    moves, collides, collision_begins, collisions = flags
+    faces, row_of, touched, touched_count = tables
     count = 0
-    for robot in range(xs.size):
+    for robot in robots:
         right = (right_command[robot] + right_output[robot]) / 2.0
         left = (left_command[robot] + left_output[robot]) / 2.0
-        if deviation > 0.0:
-            right *= 1.0 + deviation * noise[robot, 0]
-            left *= 1.0 + deviation * noise[robot, 1]
+        if deviation[robot] > 0.0:
+            right *= 1.0 + deviation[robot] * noise[robot, 0]
+            left *= 1.0 + deviation[robot] * noise[robot, 1]
         right_output[robot] = right
         left_output[robot] = left
         speed = (right + left) / 2.0
         heading = headings[robot]
         x = xs[robot] + speed * math.cos(heading)
         y = ys[robot] + speed * math.sin(heading)
-        headings[robot] = wrap(heading + (right - left))
+        if moves[robot]:
+            headings[robot] = wrap(heading + (right - left))
         row = row_at(row_of, x, y)
         if row < 0 or touched_count[row] > TOUCHED:
             undecided[robot] = True
@@ -71,10 +65,11 @@ def move(
             if _touches(faces, touched[row, index], x, y):
                 touches = True
                 break
-        if touches:
-            if not collides[robot]:
-                collisions[robot] += 1
-        else:
+        begins = touches and moves[robot] and not collides[robot]
+        collision_begins[robot] = begins
+        if begins:
+            collisions[robot] += 1
+        if moves[robot] and not touches:
             xs[robot] = x
             ys[robot] = y
         collides[robot] = touches
@@ -94,37 +89,59 @@ def _touches(faces, face, x, y):
 
 
 @_jit
-def infrared(pose, angles, deviation, noise, faces, row_of, seen, readings):
-    """Fill in `readings`; returns how many are undecided, which are nan."""
+def sense(robots, pose, angles, deviations, noise, tables, targets, infrared, compass, ground):
+    """Fill in the readings of robots.
+
+    Returns how many are undecided: nan in `infrared`, `UNDECIDED` in `ground`.
+    """
     xs, ys, headings = pose
+    obstacle_deviation, compass_deviation = deviations
+    infrared_noise, compass_noise = noise
+    faces, row_of, seen = tables
     count = 0
-    for robot in range(xs.size):
+    for robot in robots:
+        x, y, heading = xs[robot], ys[robot], headings[robot]
+        deviation = obstacle_deviation[robot]
         for sensor in range(angles.size):
-            axis = headings[robot] + angles[sensor]
-            distance = distance_ahead(faces, row_of, seen, xs[robot], ys[robot], axis)
+            distance = distance_ahead(faces, row_of, seen, x, y, heading + angles[sensor])
             if math.isnan(distance):
-                readings[robot, sensor] = math.nan
+                infrared[robot, sensor] = math.nan
                 count += 1
                 continue
             reading = 1.0 / distance if CONTACT < distance < math.inf else SATURATION
             if deviation > 0.0:
-                reading += deviation * noise[robot, sensor]
+                reading += deviation * infrared_noise[robot, sensor]
             elif distance > 0.0:
                 tenths = 10.0 / distance
                 if abs(tenths - math.floor(tenths) - 0.5) < CLOSE:
-                    readings[robot, sensor] = math.nan
+                    infrared[robot, sensor] = math.nan
                     count += 1
                     continue
-            readings[robot, sensor] = math.floor(10.0 * reading + 0.5) / 10.0
+            infrared[robot, sensor] = math.floor(10.0 * reading + 0.5) / 10.0
+        if compass_deviation[robot] > 0.0:
+            heading += compass_deviation[robot] * compass_noise[robot, 0]
+        compass[robot] = math.floor(wrap(heading) * 180.0 / math.pi + 0.5)
+        found = -1
+        for number in range(targets.shape[0]):
+            dx, dy = x - targets[number, 0], y - targets[number, 1]
+            beyond = math.sqrt(dx * dx + dy * dy) - targets[number, 2]
+            if abs(beyond) < RIM:
+                found = UNDECIDED
+                count += 1
+                break
+            if beyond <= 0.0:
+                found = number
+        ground[robot] = found
     return count
 
 
 @_jit
-def line(pose, right_probability, noise, floor, marks):
-    """Fill in `marks`; `floor` is a tuple of what a `FloorTables` has."""
+def line(robots, pose, right_probability, noise, floor, marks):
+    """Fill in `marks` of robots; `floor` is a tuple of what a `FloorTables` has."""
     xs, ys, headings = pose
     origin_column, origin_row, first, polygons, corner_first, corners = floor
-    for robot in range(xs.size):
+    for robot in robots:
+        probability = right_probability[robot]
         cosine, sine = math.cos(headings[robot]), math.sin(headings[robot])
         ahead_x = xs[robot] + AHEAD * cosine
         ahead_y = ys[robot] + AHEAD * sine
@@ -142,7 +159,7 @@ def line(pose, right_probability, noise, floor, marks):
                 if _inside(corners, corner_first[polygon], corner_first[polygon + 1], x, y):
                     mark = True
                     break
-            if right_probability < 1.0 and noise[robot, element] >= right_probability:
+            if probability < 1.0 and noise[robot, element] >= probability:
                 mark = not mark
             marks[robot, element] = mark
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ciberrato.protocol import encode_parameters, grid_to_xml, lab_to_xml, measures_to_xml
 from ciberrato.protocol.text import attribute, general
-from simulator_stub.recording.observer import WorldFile
+from simulator_stub.recording.observer import Lost, WorldFile, lose_nothing
 from simulator_stub.world.simulator_state import SimulatorState
 
 if TYPE_CHECKING:
@@ -38,13 +38,15 @@ class LogFile(WorldFile):
     date : str
         What the log says of its date, as C's ``ctime`` writes it; the only thing in it that the seed does not
         fix.
+    lost : callable
+        Told when the record ends early; there is no ``</Log>`` in it then.
     """
 
-    def __init__(self, path: Path, date: str) -> None:
+    def __init__(self, path: Path, date: str, lost: Lost = lose_nothing) -> None:
         self._date = date
         self._begun = False
         self._ended = False
-        super().__init__(path)
+        super().__init__(path, lost)
 
     def actions_read(self, simulation: Simulation) -> None:
         """Write the state that a running cycle begins with."""

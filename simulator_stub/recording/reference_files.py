@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ciberrato.errors import UsageError
-from simulator_stub.recording.observer import Observer
+from ciberrato.files.atomic import replace_file
+from simulator_stub.recording.observer import Lost, Observer, lose_nothing
 from simulator_stub.simulation import Simulation
 
 
@@ -16,17 +17,20 @@ class ReferenceFiles(Observer):
     ----------
     folder : Path
         The real simulator uses its working directory.
+    lost : callable
+        Told when a file cannot be written.
 
     Raises
     ------
     UsageError
-        If it is no folder; later, if a file cannot be written.
+        If it is no folder.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, lost: Lost = lose_nothing) -> None:
         if not folder.is_dir():
             raise UsageError(f"argument --scoring-files: {folder}: no such folder")
         self._folder = folder
+        self._lost = lost
         self._written: dict[str, str] = {}
 
     def actions_read(self, simulation: Simulation) -> None:
@@ -35,7 +39,7 @@ class ReferenceFiles(Observer):
         if documents != self._written:
             for name, text in documents.items():
                 try:
-                    (self._folder / name).write_text(text, encoding="ascii")
-                except OSError as error:
-                    raise UsageError(f"{self._folder / name}: {error.strerror}") from None
+                    replace_file(self._folder / name, text.encode("ascii"))
+                except UsageError as error:
+                    self._lost(f"{error}; the run goes on without it")
             self._written = dict(documents)

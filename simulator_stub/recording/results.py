@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ciberrato.errors import UsageError
-from simulator_stub.recording.observer import Observer
+from ciberrato.files.atomic import replace_file
+from simulator_stub.recording.observer import Lost, Observer, lose_nothing
 
 if TYPE_CHECKING:
     from simulator_stub.simulation import Simulation
@@ -30,6 +31,8 @@ class Results(Observer):
         The result file, written anew after each run; None for no file.
     notify : callable
         Told the outcome of each run, a line for each robot.
+    lost : callable
+        Told when the file cannot be written; the next run tries again, with all runs.
 
     Attributes
     ----------
@@ -41,15 +44,27 @@ class Results(Observer):
         Tells by a robot's id which Measures it answered.
     lockstep : callable or None
         Tells by a robot's id how lockstep dealt with its answers.
+    dropped : callable or None
+        Tells what was dropped in this world, by what it was, and by robots' ids.
+    losses : list of str
+        What is told of records that could not be kept so far; shared with those who keep them.
+    current : bool
+        Whether the file holds all runs so far.
 
     Raises
     ------
     UsageError
-        If the file cannot be written; also later, when the disk is full.
+        If the file cannot be made.
     """
 
     def __init__(
-        self, *, seed: int, scoring: int | str, path: Path | None, notify: Callable[[str], None]
+        self,
+        *,
+        seed: int,
+        scoring: int | str,
+        path: Path | None,
+        notify: Callable[[str], None],
+        lost: Lost = lose_nothing,
     ) -> None:
         self.seed: int | None = seed
         self.runs: list[dict[str, Any]] = []
@@ -58,7 +73,15 @@ class Results(Observer):
         self._scoring = scoring
         self._path = path
         self._notify = notify
-        self._save()
+        self._lost = lost
+        self.dropped: Callable[[], tuple[dict[str, int], dict[int, int]]] | None = None
+        self.losses: list[str] = []
+        self._told_losses = 0
+        self.current = True
+        if path is not None:
+            if path.is_dir() or not os.access(path.parent, os.W_OK):
+                raise UsageError(f"{path}: cannot be written; name a file in a folder that can be")
+            self._save()
 
     def world_ended(self, simulation: Simulation) -> None:
         """Keep the outcome, write it down, and tell it."""
@@ -73,6 +96,12 @@ class Results(Observer):
                     robot |= self.answers(robot["id"])
                 if self.lockstep is not None:
                     robot["lockstep"] = self.lockstep(robot["id"])
+            if self.dropped is not None:
+                run["dropped"], by_robot = self.dropped()
+                for robot in run["robots"]:
+                    robot["dropped"] = by_robot[robot["id"]]
+            run["losses"] = self.losses[self._told_losses :]
+            self._told_losses = len(self.losses)
             self.runs.append(run)
             self._save()
             for line in summary(run):
@@ -82,14 +111,14 @@ class Results(Observer):
     def _save(self) -> None:
         if self._path is None:
             return
-        # A reader of the file must never see half of it.
-        draft = self._path.with_name(self._path.name + ".part")
         text = json.dumps({"format": FORMAT, "runs": self.runs}, indent=2) + "\n"
         try:
-            draft.write_text(text, encoding="utf-8")
-            os.replace(draft, self._path)
-        except OSError as error:
-            raise UsageError(f"{self._path}: cannot be written ({error.strerror})") from None
+            replace_file(self._path, text.encode())
+        except UsageError as error:
+            self.current = False
+            self._lost(f"{error}; the run goes on")
+        else:
+            self.current = True
 
 
 def outcome(simulation: Simulation) -> dict[str, Any]:

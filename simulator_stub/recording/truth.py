@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
-from simulator_stub.recording.observer import WorldFile
+from simulator_stub.recording.observer import Lost, WorldFile, lose_nothing
 from simulator_stub.world.simulator_state import SimulatorState
 
 if TYPE_CHECKING:
@@ -25,22 +25,22 @@ class TruthFile(WorldFile):
     ----------
     path : Path
         Overwritten if it exists. Worlds after the first go into files of their own (see `WorldFile`).
+    lost : callable
+        Told when the record ends early.
 
     Raises
     ------
     UsageError
-        If it cannot be written.
+        If it cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, lost: Lost = lose_nothing) -> None:
         self._known: set[int] = set()
-        super().__init__(path)
+        super().__init__(path, lost)
 
-    def _open(self) -> TextIO:
-        file = super()._open()
-        file.write(HEADER + "\n")
-        file.flush()
-        return file
+    def heading(self) -> str:
+        """Return the line with the columns' names."""
+        return HEADER + "\n"
 
     def actions_read(self, simulation: Simulation) -> None:
         """Nothing has moved yet."""

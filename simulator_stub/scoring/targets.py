@@ -129,20 +129,32 @@ class TargetScoring(Scoring):
         return None
 
     def _share_of_way(self, robot: Robot, account: _Account) -> int:
-        """Way home as a percentage of what it was when the return began, rounded down.
-
-        The real simulator keeps the way, and a hundred times it, in single precision, but not what it divides
-        that by, so that the share may be 99 at the very place where the return began. It is 0 where the
-        return began at the start position, and where there is no way.
-        """
-        way = self._way_home(robot, account)
-        if not 0.0 < account.arrival_distance < math.inf or way == math.inf:
-            return 0
-        hundredfold = float(np.float32(100.0 * float(np.float32(way))))
-        return int(min(hundredfold / account.arrival_distance, FAR))
+        return share_of_way(self._way_home(robot, account), account.arrival_distance)
 
     def _way_home(self, robot: Robot, account: _Account) -> float:
         if account.paths is None:
             start = self.world.grid.positions[robot.robot_id - 1]
             account.paths = disc_paths(self.world.lab, ROBOT_RADIUS).paths_from(start.x, start.y)
         return account.paths.length_to(robot.x, robot.y)
+
+
+def share_of_way(way: float, arrival_distance: float) -> int:
+    """Way home as a percentage of what it was when the return began, rounded down.
+
+    The real simulator keeps the way, and a hundred times it, in single precision, but not what it divides
+    that by, so that the share may be 99 at the very place where the return began. It is 0 where the return
+    began at the start position, and where there is no way.
+
+    Parameters
+    ----------
+    way, arrival_distance : float
+        Now, and when the return began; units.
+
+    Returns
+    -------
+    int
+    """
+    if not 0.0 < arrival_distance < math.inf or way == math.inf:
+        return 0
+    hundredfold = float(np.float32(100.0 * float(np.float32(way))))
+    return int(min(hundredfold / arrival_distance, FAR))

@@ -6,12 +6,16 @@ from collections import deque
 
 from ciberrato.errors import ProtocolError
 from ciberrato.protocol import Actions, ViewCommand, decode_actions, decode_view_command
+from simulator_stub.service.allowance import MESSAGES, VIEW_MESSAGES
 from simulator_stub.service.answers import Answers
 from simulator_stub.service.attendance import Attendance
 from simulator_stub.service.transports import Peer
 
 QUEUE_LIMIT = 1000
-"""Messages of one client that may wait; further ones are lost, as in a full socket."""
+"""Messages of one client that may wait, where broken ones end the reading; further ones are dropped."""
+
+ANSWERS = 4
+"""Requests for lab and grid of a view that are answered in a cycle; further ones are dropped."""
 
 
 class RobotClient:
@@ -29,6 +33,10 @@ class RobotClient:
         Whether the last message that arrived can stand alone (see `stands_alone`).
     arrived : int
         Messages taken so far.
+    taken : int
+        Those since the session has read them last.
+    dropped : int
+        Messages that were too many, in this world.
     commands : int
         Motor commands among them since its reader set it to 0.
     braked, moving : bool
@@ -49,11 +57,13 @@ class RobotClient:
         "braked",
         "commands",
         "complete",
+        "dropped",
         "messages",
         "moving",
         "peer",
         "robot_id",
         "silent",
+        "taken",
     )
 
     def __init__(self, robot_id: int, peer: Peer) -> None:
@@ -64,17 +74,22 @@ class RobotClient:
         self.complete = True
         self.silent = False
         self.arrived = 0
+        self.taken = 0
+        self.dropped = 0
         self.commands = 0
         self.braked = False
         self.moving = False
         self.answers = Answers(robot_id)
         self.attendance = Attendance()
         peer.deliver = self.take
+        peer.serve_every_cycle()
 
     def take(self, data: bytes) -> None:
         """Take a message as it arrives."""
-        if len(self.messages) >= QUEUE_LIMIT:
+        if self.taken >= MESSAGES or len(self.messages) >= QUEUE_LIMIT:
+            self.dropped += 1
             return
+        self.taken += 1
         try:
             actions = decode_actions(data)
         except ProtocolError as error:
@@ -93,25 +108,52 @@ class RobotClient:
 
 
 class ViewClient:
-    """A view's client.
+    """A view's client, or a panel's.
+
+    Parameters
+    ----------
+    peer : Peer
+    since : float
+        Now, in seconds.
+    obeyed : bool
+        Whether its commands count: those of panels do not.
 
     Attributes
     ----------
     peer : Peer
     messages : deque of ViewCommand or ProtocolError
+    taken, answers : int
+        Messages, and answers to requests, since the session has read them last.
+    dropped : int
+        Messages and requests that were too many, since that was last counted.
+    heard : bool
+        Whether anything has come since that was last looked at.
+    asked : bool
+        Whether anything has come ever.
+    since : float
+        When it was heard last, or registered.
     """
 
-    __slots__ = ("messages", "peer")
+    __slots__ = ("answers", "asked", "dropped", "heard", "messages", "obeyed", "peer", "since", "taken")
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, since: float = 0.0, *, obeyed: bool = True) -> None:
         self.peer = peer
         self.messages: deque[ViewCommand | ProtocolError] = deque()
+        self.taken = self.answers = self.dropped = 0
+        self.heard = self.asked = False
+        self.since = since
+        self.obeyed = obeyed
         peer.deliver = self.take
 
     def take(self, data: bytes) -> None:
         """Take a message as it arrives."""
-        if len(self.messages) >= QUEUE_LIMIT:
+        self.heard = True
+        if not self.obeyed:
             return
+        if self.taken >= VIEW_MESSAGES or len(self.messages) >= QUEUE_LIMIT:
+            self.dropped += 1
+            return
+        self.taken += 1
         try:
             self.messages.append(decode_view_command(data))
         except ProtocolError as error:

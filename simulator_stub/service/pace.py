@@ -28,11 +28,11 @@ Measures.
 
 from __future__ import annotations
 
-import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+from ciberrato.system.process import give_way
 from simulator_stub.service.answers import SHORTEST_PATIENCE, TALKATIVE
 from simulator_stub.service.client_process import Activity, watch_client
 from simulator_stub.service.clients import RobotClient
@@ -82,7 +82,7 @@ class Pace(ABC):
     """
 
     def __init__(
-        self, session: Session, period: float, *, clock: Callable[[], float] = time.monotonic
+        self, session: Session, period: float, *, clock: Callable[[], float] = time.perf_counter
     ) -> None:
         self.session = session
         self.period = period
@@ -149,7 +149,7 @@ class Lockstep(Pace):
         limit: float,
         adaptive: bool = True,
         notify: Callable[[str], None] = lambda line: None,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         super().__init__(session, period, clock=clock)
         self.limit = limit
@@ -294,6 +294,9 @@ class Lockstep(Pace):
         """Compute for how long to wait on for what else belongs to an answer."""
         answers = client.answers
         process = answers.process
+        if client.peer.exhausted:  # what it goes on sending is not read before the next cycle
+            self._certain = False
+            return 0.0
         if answers.answered_at is None or client.arrived != answers.arrived:
             answers.arrived = client.arrived
             answers.take(None, now)
@@ -312,7 +315,7 @@ class Lockstep(Pace):
             if activity is Activity.DOZES:
                 break
             # It may wait for the processor that we are on: waking us has taken it from the client.
-            os.sched_yield()
+            give_way()
         self._certain = False
         if process.gone:
             answers.process = None

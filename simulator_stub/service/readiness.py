@@ -1,11 +1,11 @@
-"""Which sockets have something to read: a thin layer over epoll, as the standard one takes too long."""
+"""Which sockets have something to read: a thin layer, as the standard library's takes too long."""
 
 from __future__ import annotations
 
-import math
-import select
 import socket
 from collections.abc import Callable
+
+from ciberrato.system.sockets import READING, WRITING, poller
 
 Ready = Callable[[], None]
 
@@ -18,18 +18,16 @@ class Readiness:
 
     def __init__(self) -> None:
         self._calls: dict[int, Ready] = {}
-        # Where there is no epoll (it is Linux's), poll does; it counts milliseconds.
-        self._has_epoll = hasattr(select, "epoll")
-        self._poller = select.epoll() if self._has_epoll else select.poll()
+        self._poller = poller()
 
     def watch(self, sock: socket.socket, call: Ready) -> None:
         """Call a function whenever there is something to read."""
         self._calls[sock.fileno()] = call
-        self._poller.register(sock, select.POLLIN)
+        self._poller.register(sock, READING)
 
-    def watch_writing(self, sock: socket.socket, *, wanted: bool) -> None:
-        """Call a watched socket's function also when it can be written to, or no more."""
-        self._poller.modify(sock, select.POLLIN | select.POLLOUT if wanted else select.POLLIN)
+    def watch_for(self, sock: socket.socket, *, reading: bool, writing: bool = False) -> None:
+        """Call a watched socket's function when it can be read from, or written to, or only if it breaks."""
+        self._poller.modify(sock, READING * reading | WRITING * writing)
 
     def forget(self, sock: socket.socket) -> None:
         """Stop watching; before the socket is closed."""
@@ -50,7 +48,7 @@ class Readiness:
             Whether anything was ready.
         """
         any_ready = False
-        for descriptor, _ in self._poller.poll(seconds if self._has_epoll else math.ceil(seconds * 1000.0)):
+        for descriptor, _ in self._poller.poll(seconds):
             any_ready = True
             call = self._calls.get(descriptor)
             if call is not None:  # it may have been forgotten just now
@@ -60,5 +58,4 @@ class Readiness:
     def close(self) -> None:
         """Stop watching everything."""
         self._calls.clear()
-        if isinstance(self._poller, select.epoll):
-            self._poller.close()
+        self._poller.close()

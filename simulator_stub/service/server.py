@@ -8,6 +8,8 @@ import socket
 from collections.abc import Callable, Iterator, Sequence
 
 from ciberrato.errors import UsageError
+from ciberrato.system.signals import ENDING
+from simulator_stub.service.allowance import Meter
 from simulator_stub.service.pace import Pace
 from simulator_stub.service.readiness import Readiness
 from simulator_stub.service.session import Session
@@ -71,6 +73,11 @@ class Server:
     pace : Pace
     go_on : callable
         Asked after each cycle; False ends `run`.
+
+    Attributes
+    ----------
+    records_are_whole : callable
+        Whether all that was to be recorded so far could be.
     """
 
     def __init__(
@@ -86,14 +93,17 @@ class Server:
         self._transports = transports
         self._go_on = go_on
         self._readiness = Readiness()
+        self._meter = Meter(pace.period, session.dropped)
         self._stopping = False
+        self.records_are_whole: Callable[[], bool] = lambda: True
         # Waiting ends when something is written here: by `stop`, and by Python when a signal arrives.
         self._wake_up, self._alarm = socket.socketpair()
         for end in (self._wake_up, self._alarm):
             end.setblocking(False)
         self._readiness.watch(self._wake_up, self._drain)
+        session.make_room = self._make_room
         for transport in transports:
-            transport.serve(self._readiness, session.welcome)
+            transport.serve(self._readiness, session.welcome, self._meter)
 
     @property
     def port(self) -> int:
@@ -104,6 +114,10 @@ class Server:
         """Serve until `stop` is called, or there is nothing more to do."""
         while self.pace.wait(self._poll):
             self.session.cycle()
+            if self._meter.advance():
+                for transport in self._transports:
+                    transport.tick(self._meter.now)
+                self.session.tick(self._meter.now)
             if not self._go_on():
                 break
 
@@ -112,6 +126,10 @@ class Server:
         self._stopping = True
         with contextlib.suppress(OSError):  # full: then it is going to wake up anyway
             self._alarm.send(b"\0")
+
+    def _make_room(self) -> None:
+        for transport in self._transports:
+            transport.make_room()
 
     def _drain(self) -> None:
         with contextlib.suppress(BlockingIOError):
@@ -131,7 +149,7 @@ class Server:
     def stopping_on_signals(self) -> Iterator[None]:
         """Let SIGINT and SIGTERM stop the server while the block runs; only in the main thread."""
         before_alarm = signal.set_wakeup_fd(self._alarm.fileno(), warn_on_full_buffer=False)
-        before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        before = {number: signal.getsignal(number) for number in ENDING}
         for number in before:
             signal.signal(number, lambda *_: self.stop())
         try:

@@ -11,13 +11,14 @@
 7. send the status of each robot to each view;
 8. change states.
 
-A message that cannot be understood ends the reading from that client (or of registrations) for the cycle;
-what is queued behind it waits for the next one.
+A message that cannot be understood ends the reading from that client for the cycle; what is queued behind it
+waits for the next one. What is no registration is dropped when it arrives (`service.reception`).
 """
 
 from __future__ import annotations
 
-from collections import deque
+import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 
 from ciberrato.errors import ProtocolError
@@ -25,7 +26,6 @@ from ciberrato.protocol import (
     GridRequest,
     LabRequest,
     PanelRegistration,
-    PassedOverError,
     Refusal,
     Registration,
     RemoveRobot,
@@ -36,15 +36,17 @@ from ciberrato.protocol import (
     Stop,
     ViewCommand,
     ViewRegistration,
-    decode_registration,
     encode,
     fit_reply,
 )
 from simulator_stub.recording.observer import Observer
+from simulator_stub.service.allowance import DROPPED
 from simulator_stub.service.attendance import Attendance
-from simulator_stub.service.clients import QUEUE_LIMIT, RobotClient, ViewClient
+from simulator_stub.service.audience import Admission, Audience
+from simulator_stub.service.clients import ANSWERS, RobotClient, ViewClient
 from simulator_stub.service.kidnapping import Kidnapper
-from simulator_stub.service.transports import Newcomer, Peer
+from simulator_stub.service.reception import Reception
+from simulator_stub.service.transports import NO_ROOM, Newcomer, Peer
 from simulator_stub.simulation import Simulation
 from simulator_stub.world.robot_state import RobotState
 from simulator_stub.world.simulator_state import SimulatorState
@@ -52,8 +54,8 @@ from simulator_stub.world.simulator_state import SimulatorState
 NAME_LIMIT = 600
 """Characters of a robot's name. The real simulator survives 600 and dies of 850; we refuse what is longer."""
 
-VIEW_LIMIT = 64
-"""Views and panels at a time. The real simulator takes any number, until it has no sockets left."""
+TRIES = 1000
+"""Cycles in which a registration is tried, where there is no descriptor for its channel."""
 
 COMPLAINT_LIMIT = 20
 """Broken messages that people are told of, until the next Reset."""
@@ -70,18 +72,28 @@ class Session:
     observers : sequence of Observer
     kidnapper : Kidnapper or None
         Moves a robot by hand, before the observers see that the actions are read.
+    restarts : bool
+        Whether a robot's ``Reset="On"`` is obeyed.
+    admission : Admission
+        Who may be a view.
     notify : callable
         Told, in one line each, what people may want to know.
+    clock : callable
+        Seconds, monotonic: for how long views have been silent.
 
     Attributes
     ----------
     robots : dict of int to RobotClient
         By id, in order.
-    views : list of ViewClient
-        In order of their registration.
+    audience : Audience
+        Views and panels.
+    dropped : Counter
+        What was dropped in this world, by `DROPPED`.
     before_measures : callable
         Called when a cycle is computed, and its Measures are about to go out: what has arrived by then
         does not answer them.
+    make_room : callable
+        Called where no descriptor is left, to free one.
     """
 
     def __init__(
@@ -91,35 +103,46 @@ class Session:
         autostart: int = 0,
         observers: Sequence[Observer] = (),
         kidnapper: Kidnapper | None = None,
+        restarts: bool = True,
+        admission: Admission | None = None,
         notify: Callable[[str], None] = lambda line: None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.simulation = simulation
+        self._restarts = restarts
         self.observers = observers
         self._kidnapper = kidnapper
         self.robots: dict[int, RobotClient] = {}
-        self.views: list[ViewClient] = []
         self.before_measures: Callable[[], None] = _nothing
-        self._panels: list[Peer] = []
+        self.make_room: Callable[[], None] = _nothing
+        self.dropped: Counter[str] = Counter()
+        self._dropped_before: Counter[str] = Counter()
+        self._clock = clock
         self._complaints = 0
         self._autostart = autostart
         self._autostarted = False
         self._told_of_start = False
         self._closed = False
         self._notify = notify
-        self._registrations: deque[tuple[Newcomer, bytes]] = deque()
+        self.audience = Audience(admission or Admission(), self.dropped, notify)
+        self._reception = Reception(self.dropped, self._complain)
         self._reply = encode(fit_reply(simulation.acceptance()))
         self._lab = encode(simulation.lab_shown())
         self._grid = encode(simulation.world.grid)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> None:
-        """Take a message from an address that has not registered; it is looked at in the next cycle."""
-        if len(self._registrations) < QUEUE_LIMIT:
-            self._registrations.append((newcomer, data))
+        """Take a message of a client that has not registered; a registration is answered in a cycle."""
+        self._reception.welcome(newcomer, data)
+
+    @property
+    def views(self) -> list[ViewClient]:
+        """The views, in order of their registration."""
+        return self.audience.views
 
     @property
     def registrations_waiting(self) -> bool:
         """Return whether a client waits to be registered."""
-        return bool(self._registrations)
+        return bool(self._reception)
 
     @property
     def start_is_due(self) -> bool:
@@ -137,8 +160,10 @@ class Session:
             self._count_answers()
         simulation.begin_cycle()
         self._read_actions()
-        if simulation.restart_requested:
+        if simulation.restart_requested and self._restarts:
             self._restart()
+        elif simulation.restart_requested:
+            self._complain("a robot asked for a restart: there is none (--no-restart)")
         if self._kidnapper is not None:
             self._kidnapper.before_move(simulation)
         for observer in self.observers:
@@ -156,9 +181,10 @@ class Session:
             client = self.robots[robot_id]
             client.answered = False
             client.peer.send(encode(measures))
-        if self.views:
+        views = self.audience.views
+        if views:
             statuses = [encode(status) for status in simulation.statuses()]
-            for view in self.views:
+            for view in views:
                 for status in statuses:
                     view.peer.send(status)
         simulation.end_cycle()
@@ -173,6 +199,30 @@ class Session:
         """Return what the result file says of which Measures a robot answered (`Attendance.document`)."""
         return self.robots[robot_id].attendance.document()
 
+    def tick(self, now: float) -> None:
+        """Look after views that have gone; called once in a CycleTime or so.
+
+        Parameters
+        ----------
+        now : float
+            Seconds by the session's clock.
+        """
+        self.audience.tick(now)
+
+    def take_stock(self) -> dict[str, int]:
+        """Return what was dropped in this world, by `DROPPED`, all of it."""
+        for client in self.robots.values():
+            client.dropped += client.peer.overflow()
+        self.audience.count()
+        self.dropped["robot_messages"] = sum(client.dropped for client in self.robots.values())
+        return {name: self.dropped[name] for name in DROPPED}
+
+    def dropped_in_all(self) -> dict[str, int]:
+        """Return what was dropped in all worlds so far, without what is 0."""
+        now = self.take_stock()
+        total = {name: now[name] + self._dropped_before[name] for name in DROPPED}
+        return {name: number for name, number in total.items() if number}
+
     def _count_answers(self) -> None:
         for robot in self.simulation.robots:
             if robot.state not in (RobotState.FINISHED, RobotState.REMOVED):
@@ -181,6 +231,7 @@ class Session:
 
     def _read_actions(self) -> None:
         for robot_id, client in self.robots.items():
+            client.taken = 0
             while client.messages:
                 message = client.messages.popleft()
                 if isinstance(message, ProtocolError):
@@ -189,36 +240,40 @@ class Session:
                 self.simulation.act(robot_id, message)
 
     def _check_in(self) -> None:
-        while self._registrations:
-            newcomer, data = self._registrations.popleft()
-            if newcomer.registered is not None:
-                newcomer.registered.deliver(data)
+        for newcomer, registration in self._reception.admit():
+            peer = self._open(newcomer, registration)
+            if peer is None:
                 continue
-            try:
-                registration = decode_registration(data)
-            except ProtocolError as error:
-                self._complain(f"registration from {newcomer.label}: {error}")
-                if isinstance(error, PassedOverError):
-                    continue
-                break
-            try:
-                peer = newcomer.accept()
-            except OSError as error:  # no socket to be had
-                self._complain(f"registration from {newcomer.label}: {error.strerror}")
-                break
             self._register(peer, registration)
+            for data in newcomer.followers or ():
+                peer.deliver(data)
+
+    def _open(self, newcomer: Newcomer, registration: Registration) -> Peer | None:
+        """Open a client's channel; None where that cannot be, now or ever."""
+        for room_made in (False, True):
+            try:
+                return newcomer.accept()
+            except OSError as error:
+                if error.errno not in NO_ROOM or newcomer.faults >= TRIES:
+                    self._complain(f"registration from {newcomer.label}: {error.strerror}")
+                    self.dropped["registrations"] += 1
+                    return None
+                if not room_made:
+                    self.make_room()
+        if newcomer.faults == 0:
+            self._complain(f"registration from {newcomer.label} waits: no descriptor is left")
+        newcomer.faults += 1
+        self._reception.put_back(newcomer, registration)
+        return None
 
     def _register(self, peer: Peer, registration: Registration) -> None:
         if isinstance(registration, ViewRegistration | PanelRegistration):
-            self._panels = [panel for panel in self._panels if not panel.closed]
-            if len(self.views) + len(self._panels) >= VIEW_LIMIT:
-                self._refuse(peer, "a view: there are too many")
+            refusal = self.audience.admit(peer, registration, self._clock())
+            if refusal is not None:
+                self._refuse(peer, f"a view: {refusal}")
                 return
             if isinstance(registration, ViewRegistration):
                 self.simulation.note_client()
-                self.views.append(ViewClient(peer))
-            else:
-                self._panels.append(peer)
             peer.send(self._reply)
             return
         robot_id = None
@@ -257,7 +312,11 @@ class Session:
             self._notify("from here on, what is broken or refused is not reported")
 
     def _read_commands(self) -> None:
-        for view in tuple(self.views):
+        views = self.audience.views
+        if not views:
+            return
+        for view in tuple(views):
+            view.taken = view.answers = 0
             while view.messages:
                 message = view.messages.popleft()
                 if isinstance(message, ProtocolError):
@@ -266,8 +325,7 @@ class Session:
                 self._obey(view, message)
                 if not self.views:  # a Reset has forgotten them all, this one too
                     return
-        if any(view.peer.closed for view in self.views):
-            self.views = [view for view in self.views if not view.peer.closed]
+        self.audience.forget_closed()
 
     def _obey(self, view: ViewClient, command: ViewCommand) -> None:
         match command:
@@ -275,10 +333,12 @@ class Session:
                 self.simulation.start()
             case Stop():
                 self.simulation.stop()
-            case LabRequest():
-                view.peer.send(self._lab)
-            case GridRequest():
-                view.peer.send(self._grid)
+            case LabRequest() | GridRequest():
+                if view.answers >= ANSWERS:
+                    self.dropped["requests"] += 1
+                    return
+                view.answers += 1
+                view.peer.send(self._lab if isinstance(command, LabRequest) else self._grid)
             case RemoveRobot(robot_id=robot_id):
                 self.simulation.remove(robot_id)
             case Reset():
@@ -299,6 +359,10 @@ class Session:
             self._kidnapper.world_ended(self.simulation)
         for observer in self.observers:
             observer.world_ended(self.simulation)
+        self._dropped_before.update(self.take_stock())
+        self.dropped.clear()
+        for client in self.robots.values():
+            client.dropped = 0
 
     def reset(self, seed: int | None = None) -> None:
         """Forget all clients and begin again.
@@ -311,11 +375,12 @@ class Session:
         self._end_world()
         for view in self.views:
             view.peer.send(encode(Restart()))
-            view.peer.close()
-        for peer in (*self._panels, *(client.peer for client in self.robots.values())):
+        for peer in (
+            *(view.peer for view in (*self.views, *self.audience.panels)),
+            *(client.peer for client in self.robots.values()),
+        ):
             peer.close()
-        self.views = []
-        self._panels = []
+        self.audience.forget_closed()
         self._complaints = 0
         self.robots = {}
         self._autostarted = self._told_of_start = False
@@ -343,4 +408,4 @@ class Session:
 
 
 def _nothing() -> None:
-    """Have nothing to do before Measures go out."""
+    """Have nothing to do."""

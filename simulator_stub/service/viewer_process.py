@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
 from collections.abc import Iterator
 
+from ciberrato.net.address import TOKEN_VARIABLE
 from ciberrato.processes import module_command
 
 _SECONDS = 5.0
@@ -13,7 +15,7 @@ _SECONDS = 5.0
 
 
 @contextlib.contextmanager
-def viewer_beside(address: str, http: str) -> Iterator[None]:
+def viewer_beside(address: str, http: str, token: str | None = None) -> Iterator[None]:
     """Let a viewer run while the block does.
 
     What the viewer prints (where the page is) goes to our standard output. If it cannot start, it says so
@@ -25,10 +27,14 @@ def viewer_beside(address: str, http: str) -> Iterator[None]:
         HOST:PORT of the simulator.
     http : str
         [HOST:]PORT of the page, as the viewer's option ``--http`` takes it.
+    token : str or None
+        That the simulator wants of views; handed on in the environment, where others cannot read it.
     """
     options = ("--simulator", address, "--http", http, "--until-eof")
     # It ends when this pipe does: the system closes it even if we are killed.
-    viewer = subprocess.Popen(module_command("ciberrato.viewer", *options), stdin=subprocess.PIPE)
+    environment = os.environ | ({} if token is None else {TOKEN_VARIABLE: token})
+    command = module_command("ciberrato.viewer", *options)
+    viewer = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
     try:
         yield
     finally:

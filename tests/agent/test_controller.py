@@ -89,8 +89,6 @@ def test_a_message_that_comes_late_is_logged_and_nothing_else(controller: Contro
     [
         (measures(7, end_led=True), "EndLed is on"),
         (measures(7, start=False, stop=False), "the simulation is over"),
-        (measures(1800), "the run's time is up"),
-        (measures(0), "the simulator has begun again"),
     ],
 )
 def test_what_ends_a_run(controller: Controller, message: Measures, reason: str) -> None:
@@ -101,6 +99,34 @@ def test_what_ends_a_run(controller: Controller, message: Measures, reason: str)
     assert controller.ended == reason
     assert actions is None
     assert not cycle.answered
+
+
+def test_time_is_up(controller: Controller) -> None:
+    controller.observe(measures(1799))
+    assert controller.ended is None
+    assert controller.observe(measures(1800))[1] is None
+    assert controller.ended == "the run's time is up"
+
+
+def test_several_messages_have_to_say_that_another_run_has_begun(controller: Controller) -> None:
+    controller.observe(measures(90))
+    for time in (0, 91, 3, 1, 92, 0, 1):
+        controller.observe(measures(time))
+        assert controller.ended is None
+    assert (controller.exchange.time, controller.exchange.stale) == (92, 5)
+    controller.observe(measures(2))
+    assert controller.ended == "the simulator has begun again"
+
+
+def test_a_leap_ahead_has_to_be_confirmed(controller: Controller) -> None:
+    controller.observe(measures(5))
+    assert controller.observe(measures(57))[1] is None
+    controller.observe(measures(6))
+    assert controller.exchange.time == 6
+    controller.observe(measures(70))
+    controller.observe(measures(71))
+    exchange = controller.exchange
+    assert (exchange.time, exchange.lost, exchange.longest_gap, exchange.stale) == (71, 64, 64, 1)
 
 
 def test_before_the_start_both_buttons_off_do_not_end_it(controller: Controller) -> None:
@@ -131,8 +157,8 @@ def test_before_a_wall_it_stands_in_the_centre(
             _, actions = stays.observe(
                 measures(cycle.time, infrared=cycle.infrared, compass=cycle.compass, stop=cycle.stop)
             )
-        for _ in range(50):
-            _, actions = stays.observe(measures(cycle.time, infrared=cycle.infrared))
+        for number in range(1, 51):
+            _, actions = stays.observe(measures(cycle.time + number, infrared=cycle.infrared))
             assert actions == Actions(left_motor=0.0, right_motor=0.0)
         assert stays.phase is Phase.HOLDING
         assert stays.ended is None

@@ -12,6 +12,7 @@ from agent.run.reporter import Reporter
 from agent.run.signals import Interrupts
 from ciberrato.errors import UsageError
 from ciberrato.net import LinkClosedError, LinkError, TcpLink, UdpLink
+from ciberrato.net.link import Arrival
 from ciberrato.protocol import Acceptance, Measures, Refusal, RobotRegistration, decode_registration, encode
 from ciberrato.world.parameters import Parameters
 
@@ -44,6 +45,9 @@ class Answers:
     def receive_waiting(self) -> list[bytes]:
         waiting, self._waiting = self._waiting, []
         return waiting
+
+    def receive_arrivals(self) -> list[Arrival]:
+        return [Arrival(data, None) for data in self.receive_waiting()]
 
     def fileno(self) -> int:
         return self._sockets.fileno()

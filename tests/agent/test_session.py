@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +14,7 @@ import agent.run.session
 from agent.cli import main
 from ciberrato.errors import LabError
 from ciberrato.files.beliefs import read_beliefs
-from ciberrato.files.run_log import RunWriter, read_run
+from ciberrato.files.run_log import read_run
 from ciberrato.net import LinkClosedError, LinkError
 from ciberrato.net.link import Arrival
 from ciberrato.protocol import Acceptance, Actions, Measures, Refusal, decode_actions, encode
@@ -138,17 +139,52 @@ def test_gone_before_the_first_reading(run: Runner, capsys: pytest.CaptureFixtur
     assert not Path("localization.out").exists()
 
 
+@pytest.mark.parametrize("freed", [False, True])
 def test_a_full_disk_stops_the_log_but_not_the_run(
-    run: Runner, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    run: Runner, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, freed: bool
 ) -> None:
-    def full(writer: RunWriter, cycle: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(RunWriter, "write", full)
-    assert run([ACCEPTED, measures(0)], *([measures(time)] for time in range(1, 25)))[0] == 0
-    assert capsys.readouterr().err.count("run.jsonl: no longer written: No space left on device") == 1
+    disk = FullDisk(room=4000, until=40 if freed else 10**9)
+    messages = [[measures(time)] for time in range(1, 25)]
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", lambda path, *words, **more: disk.open(path, *words, **more))
+        assert run([ACCEPTED, measures(0)], *messages)[0] == 0
+    errors = capsys.readouterr().err
+    assert errors.count("run.jsonl: cannot be written: No space left on device") == 1
     (written,) = read_beliefs(Path("localization.out"))
     assert len(written.beliefs) == 3
+    cycles = read_run(Path("run.jsonl")).cycles  # whole lines, whatever was missing meanwhile
+    assert [cycle.time for cycle in cycles] == list(range(len(cycles)))
+    assert (len(cycles) == 25) is freed
+    if freed:
+        assert "run.jsonl: nothing is missing, there was room again" in errors
+    else:
+        assert f"run.jsonl: lacks the last {25 - len(cycles)} of 26 lines: No space left on device" in errors
+
+
+class FullDisk:
+    """Makes files that take so many bytes, then parts of lines, until so many writes were tried."""
+
+    def __init__(self, room: int, until: int) -> None:
+        self.room, self.until, self.tried = room, until, 0
+
+    def open(self, path: Path, *arguments: Any, **options: Any) -> Any:
+        file = open(path, *arguments, **options)  # noqa: SIM115
+        return Limited(self, file) if path.name == "run.jsonl" else file
+
+
+class Limited:
+    def __init__(self, disk: FullDisk, file: Any) -> None:
+        self.disk, self.file = disk, file
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.file, name)
+
+    def write(self, data: bytes) -> int:
+        self.disk.tried += 1
+        room = len(data) if self.disk.tried > self.disk.until else self.disk.room - self.file.tell()
+        if room <= 0:
+            raise OSError(28, "No space left on device")
+        return int(self.file.write(data[:room]))
 
 
 def test_a_log_that_cannot_be_opened(run: Runner, capsys: pytest.CaptureFixture[str]) -> None:

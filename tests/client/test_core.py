@@ -66,12 +66,12 @@ def test_several_messages_in_a_row_have_to_say_that_a_new_run_has_begun(core):
     [
         (running(5, end_led=True), RunEnd.FINISHED),
         (running(100), RunEnd.TIME_UP),
-        (Measures(time=50), RunEnd.OVER),
+        (Measures(time=95), RunEnd.OVER),
     ],
 )
 def test_what_ends_a_run(core, measures, end):
     core.drive(0.1, 0.1)
-    assert core.take([running(4)]) is not None
+    assert core.take([running(4 if measures.time < 50 else 94)]) is not None
     assert core.take([measures]) is None
     assert core.ended is end
     assert core.answer().left_motor == 0.0
@@ -123,5 +123,7 @@ def test_a_time_beyond_the_run_is_a_corrupted_message(core):
     assert core.take([running(1), running(2**31 - 1)]) == running(1)
     assert (core.ended, core.stale, core.lost) == (None, 1, 0)
     assert core.take([running(2)]) == running(2)
-    assert core.take([running(101)]) is None
+    assert core.take([running(60), running(3)]) == running(3)
+    assert (core.stale, core.lost) == (2, 0)
+    assert core.take([running(100), running(101)]) is None
     assert core.ended is RunEnd.TIME_UP

@@ -226,7 +226,7 @@ def test_a_message_that_a_newer_one_has_overtaken_is_not_read():
         for one in (peer, main):
             one.bind(("127.0.0.1", 0))
             one.settimeout(30)
-        answer = threading.Thread(target=accept, args=(main, peer, [5, 7, 6, 8, 0]))
+        answer = threading.Thread(target=accept, args=(main, peer, [5, 7, 6, 8, *[0] * 10]))
         answer.start()
         robot = croblink.CRobLink("r", 1, f"127.0.0.1:{main.getsockname()[1]}")
         answer.join()

@@ -1,6 +1,7 @@
-"""The README's commands and program, run as they are written."""
+"""The commands and the program of README.md and docs/two-terminals.md, run as they are written."""
 
 import contextlib
+import os
 import re
 import shlex
 import signal
@@ -13,12 +14,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text()
+TERMINALS = (ROOT / "docs" / "two-terminals.md").read_text()
 PROGRAMS = {"ciberrato-agent": "agent", "ciberrato-simulator": "simulator_stub"}
 
 
 def commands():
-    """Every `$ ...` line of the console blocks."""
-    for block in re.findall(r"```console\n(.*?)```", TEXT, re.DOTALL):
+    """Every `$ ...` line of the console blocks of the page."""
+    for block in re.findall(r"```console\n(.*?)```", TERMINALS, re.DOTALL):
         yield from (line[2:] for line in block.splitlines() if line.startswith("$ "))
 
 
@@ -101,21 +103,60 @@ def test_the_two_terminals(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_simulator_for_ci_starts_and_ends(tmp_path):
-    simulator = process(find("ciberrato-simulator --lab maze"), "--bind", "127.0.0.1", folder=tmp_path)
-    with watchdog(simulator):
-        read_until(simulator, r"listening on udp 127\.0\.0\.1:\d+")
-        simulator.send_signal(signal.SIGINT)
-        assert simulator.wait() == 0
+def test_the_recipe_for_ci_is_complete_and_ends_by_itself(tmp_path):
+    (recipe,) = re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    results = []
+    for name in ("once", "again"):
+        folder = tmp_path / name
+        folder.mkdir()
+        done = subprocess.run(
+            ["sh", "-c", recipe],
+            cwd=folder,
+            env=os.environ | {"PATH": path},
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.stdout.splitlines()[-1] == "score 200"
+        results.append([(folder / file).read_bytes() for file in ("run.log", "truth.csv", "result.json")])
+    assert results[0] == results[1]
 
 
-def test_the_program_runs(capsys):
-    six_lines, program = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
-    # The six lines are those of docs/client.md, whose programs are run by tests of their own.
+def test_the_recipe_for_ci_tells_that_the_simulator_did_not_start(tmp_path):
+    (recipe,) = re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    wrong = recipe.replace("--lab maze", "--lab mazze")
+    assert wrong != recipe
+    done = subprocess.run(
+        ["sh", "-c", wrong],
+        cwd=tmp_path,
+        env=os.environ | {"PATH": path},
+        capture_output=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert b"did you mean 'maze'" in done.stderr
+
+
+def test_the_six_lines_are_those_of_the_clients_page():
+    # Its programs are run by tests of their own.
+    (six_lines,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
     assert six_lines in (ROOT / "docs" / "client.md").read_text()
-    exec(compile(program, "README.md", "exec"), {})
+
+
+def test_the_program_of_the_library_runs(capsys):
+    (program,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.DOTALL)
+    exec(compile(program, "api.md", "exec"), {})
     time, collision, *_ = capsys.readouterr().out.split()
     assert (time, collision) in {("100", "True"), ("100", "False")}
+
+
+def test_it_is_short():
+    assert len(TEXT.splitlines()) < 120
 
 
 @pytest.mark.slow

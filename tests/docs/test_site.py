@@ -72,7 +72,8 @@ def test_the_options_in_a_page_are_options_of_the_programs(page):
             continue
         words = shlex.split(rest, comments=True)
         known = usage(MODULES[program])
-        if words and not words[0].startswith("-") and program in {"agent", "lab"}:
+        subcommands = program in {"agent", "lab"} or words[:1] == ["check"]
+        if words and not words[0].startswith("-") and subcommands:
             known = usage(MODULES[program], words[0])
         for word in words:
             if option := re.match(r"--[a-z-]+", word):

@@ -28,7 +28,7 @@ def test_a_course_is_read_with_its_defaults(tmp_path, good):
     course = read_course(path)
     assert (course.seeds, course.lockstep, course.labs[0].weight) == ((1,), True, 1.0)
     assert course.labs[0].lab.name == "maze_lab.xml"
-    assert course.points.formula.text == "score"
+    assert course.points.formula.text == "merit"
     assert course.agents[0].command == ("python", "agent.py", "{host}", "{port}", "{name}")
 
 

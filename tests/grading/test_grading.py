@@ -1,4 +1,7 @@
+import html
 import json
+import re
+import shlex
 import shutil
 import signal
 import socket
@@ -168,6 +171,32 @@ def test_the_report_shows_names_and_outputs_as_text(tmp_path):
 
 
 @pytest.mark.slow
+def test_the_commands_beside_a_run_do_it_again(tmp_path):
+    write(tmp_path, "robot", ROBOT)
+    path = tmp_path / "course.toml"
+    lab = "seeds = [7]\n[[lab]]\nname = 'a lab'\nlab = 'maze'\ngrid = 'maze'\nset = {SimTime = 60}\n"
+    path.write_text(lab + table("robot"))
+    report = tmp_path / "report"
+    run(path, "--quiet", "--output", report)
+    page = (report / "index.html").read_text()
+    (shown,) = re.findall(r'<pre class="again">(.*?)</pre>', page, re.DOTALL)
+    first, second = (shlex.split(html.unescape(line)) for line in shown.splitlines())
+    assert first[0] == "ciberrato-simulator"
+    assert first[-1] == "--view"
+    result = tmp_path / "result.json"
+    words = [sys.executable, "-m", "simulator_stub", *first[1:-1], "--port", "0", "--result", str(result)]
+    with subprocess.Popen(words, cwd=report, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as simulator:
+        port = next(line for line in simulator.stdout if b"listening on udp" in line).split(b":")[-1].strip()
+        assert second[:4] == ["python", "agent.py", "127.0.0.1", "6000"]
+        agent = [sys.executable, *second[1:3], port.decode(), *second[4:]]
+        subprocess.run(agent, cwd=tmp_path / "agents" / "robot", timeout=60, check=True)
+        simulator.communicate(timeout=60)
+    (again,) = json.loads(result.read_text())["runs"][0]["robots"]
+    (row,) = rows(report)
+    assert (str(again["score"]), str(again["collisions"])) == (row["score"], row["collisions"])
+
+
+@pytest.mark.slow
 def test_in_a_sandbox_an_agent_sees_neither_the_course_nor_others(tmp_path, walls):
     if walls == "none":
         pytest.skip("there is nothing to be hidden")
@@ -206,16 +235,3 @@ def test_in_real_time_a_run_is_graded_too(tmp_path, walls):
     for row in rows(tmp_path / "report"):
         assert (row["status"], row["time"]) == ("time over", "60")
         assert int(row["answered"]) + int(row["unanswered"]) == 60
-
-
-@pytest.mark.slow
-def test_the_course_to_begin_with_can_be_graded_as_it_is(tmp_path):
-    written = run("init", tmp_path / "new").stdout.splitlines()
-    assert all(Path(name).is_file() for name in written)
-    assert "is there already" in run("init", tmp_path / "new", expect=2).stderr
-    path = tmp_path / "new" / "course.toml"
-    path.write_text(path.read_text().replace("SimTime = 600", "SimTime = 60"))
-    said = run(path, "--quiet", "--compare", "follower", "classic").stdout
-    assert "follower against classic:" in said
-    assert "4 pairs" in said
-    assert {row["status"] for row in rows(tmp_path / "new" / "course-report")} == {"time over"}

@@ -118,3 +118,36 @@ def test_a_run_plays_in_a_browser_from_the_disk(tmp_path):
         assert faults == []
         assert all(url.startswith("file:") for url in requests)
         browser.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; apt-get install chromium brings one")
+def test_a_run_of_a_tournament_plays_with_all_its_robots_as_the_course_calls_them(tmp_path):
+    write(tmp_path, "one", ROBOT)
+    write(tmp_path, "two", ROBOT)
+    path = tmp_path / "course.toml"
+    settings = "[tournament]\nplaces = 'draw'\n"
+    lab = "[[lab]]\nname = 'maze'\ngrid = 'maze'\nset = {SimTime = 40}\n"
+    evil = table("one").replace("name = 'one'", f'name = "{EVIL}"').replace("{name}", "the same")
+    path.write_text(settings + lab + evil + table("two").replace("{name}", "the same"))
+    report = tmp_path / "report"
+    run(path, "--tournament", "--quiet", "--output", report)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        page = browser.new_page()
+        faults = []
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+        page.goto((report / "index.html").as_uri())
+        assert EVIL in page.inner_text("table.duels")
+        page.click("#meetings summary")
+        assert EVIL in page.inner_text("table.meetings")
+        page.click("table.meetings a.play")
+        page.wait_for_function("window.ciberrato?.store.last === 40")
+        assert page.evaluate("ciberrato.store.frames.at(-1).robots.length") == 2
+        names = page.inner_text("#robots")
+        assert EVIL in names
+        assert "two" in names
+        assert page.evaluate("window.hit") is None
+        assert faults == []
+        browser.close()

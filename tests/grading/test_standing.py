@@ -12,7 +12,7 @@ from ciberrato.grading.expressions import Formula
 from ciberrato.grading.outcome import Outcome, judge_maps
 from ciberrato.grading.report import tables
 from ciberrato.grading.runner import Graded
-from ciberrato.grading.standing import standings
+from ciberrato.grading.standing import standings, values_of
 from ciberrato.grading.task import Task
 
 LABS = (GradedLab("a", Path("a"), weight=1.0), GradedLab("b", Path("b"), weight=3.0))
@@ -80,6 +80,21 @@ def test_pairs_of_runs_are_compared_with_students_interval():
     assert (found.pairs, found.better, found.worse) == (6, 4, 1)
     with pytest.raises(UsageError, match="no runs of an agent 'z'"):
         compare(standings(graded, runs(graded, scores)), "x", "z")
+
+
+@pytest.mark.parametrize("mode", range(8))
+def test_merit_is_the_score_turned_so_that_more_is_better(mode):
+    lab = GradedLab("a", Path("a"), scoring=mode)
+    best = {0: [0, 150, 300], 1: [70, 20, 0], 4: [70, 20, -10], 7: [70, 20, 0]}.get(mode, [0, 40, 90])
+    merits = []
+    for score in best:
+        task = Task(Agent("x", ("x",)), lab, 1, "k", "f")
+        run = Graded(task, Outcome(status="finished", registered=True, score=score, targets=2), {})
+        merits.append(values_of(run)["merit"])
+    assert merits == sorted(merits, reverse=True)
+    assert len(set(merits)) == 3
+    if mode == 0:
+        assert (merits[0], merits[2]) == (300.0, 0.0)  # all done, and nothing done
 
 
 def test_cells_that_a_spreadsheet_would_compute_are_text():

@@ -136,3 +136,32 @@ def test_every_field_type_is_checked() -> None:
     for kind in (RunHeader, Cycle, Parameters):
         for field in dataclasses.fields(kind):
             assert str(field.type).removesuffix(" | None") in _CHECKS
+
+
+def test_torn_lines_and_missing_steps_are_left_out_with_a_warning_if_asked(log: Path) -> None:
+    lines = log.read_text().splitlines()
+    torn = lines[2][:40] + lines[2]
+    log.write_text("\n".join([*lines[:2], torn, _change(lines[3], step=3), ""]))
+    with pytest.raises(LabError, match=r":3: not a line of JSON.*--salvage"):
+        read_run(log)
+    told: list[str] = []
+    run = read_run(log, salvage=told.append)
+    assert [(step.index, step.readings) for step in run.steps] == [
+        (0, (0.7, 2.6, 2.7, 0.6)),
+        (1, (None, None, None, None)),
+        (2, (None, None, None, None)),
+        (3, (0.6, 2.5, 2.4, -0.1)),
+    ]
+    assert [line.partition(": ")[0] for line in told] == [f"{log}:3", f"{log}:4"]
+    assert "the line is left out" in told[0]
+    assert "steps 1 to 2 are missing" in told[1]
+    assert "--salvage" not in "".join(told)
+
+
+def test_of_very_many_torn_lines_a_few_are_told(log: Path) -> None:
+    with log.open("a") as file:
+        file.writelines("{\n" for _ in range(100))
+    told: list[str] = []
+    assert read_run(log, salvage=told.append).cycles == CYCLES
+    assert len(told) == 6
+    assert told[-1] == f"{log}: 100 lines are left out in all"

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 from statistics import NormalDist
 
 import numpy as np
@@ -154,15 +155,84 @@ def test_symmetries_and_shares_of_codes_come_back_from_disk(tmp_path):
     assert not read_tables(path).complete(square)
 
 
-@pytest.mark.parametrize("damage", [b"", b"no archive", None])
+def _another_lab(path, tables):
+    write_tables(path.with_name("pose-tables-of-another-lab.npz"), tables)
+    path.with_name("pose-tables-of-another-lab.npz").replace(path)
+
+
+def _off_by_one(path, tables):
+    index = tables.lattice.index + 1
+    write_tables(path, dataclasses.replace(tables, lattice=dataclasses.replace(tables.lattice, index=index)))
+
+
+def _too_short(path, tables):
+    write_tables(path, dataclasses.replace(tables, codes=tuple(codes[:, :-1] for codes in tables.codes)))
+
+
+def _other_numbers(path, tables):
+    nodes = np.full_like(tables.lattice.x, np.nan)
+    write_tables(path, dataclasses.replace(tables, lattice=dataclasses.replace(tables.lattice, x=nodes)))
+
+
+def _one_byte(path, tables):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+
+
+def _huge(path, tables):
+    data = path.read_bytes()
+    at = data.index(b"'shape': (")
+    end = data.index(b"\n", at)
+    shape = b"'shape': (99999999999,), }"
+    path.write_bytes(data[:at] + shape + b" " * (end - at - len(shape)) + data[end:])
+
+
+def _pickled(path, tables):
+    np.savez(path, grid=np.array([{}], dtype=object))
+
+
+def _folder(path, tables):
+    path.unlink()
+    (path / "full").mkdir(parents=True)
+
+
+def _pipe(path, tables):
+    path.unlink()
+    os.mkfifo(path)
+
+
+def _loop(path, tables):
+    path.unlink()
+    path.symlink_to(path.name)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        pytest.param(lambda path, _: path.write_bytes(b""), id="empty"),
+        pytest.param(lambda path, _: path.write_bytes(b"no archive"), id="text"),
+        pytest.param(lambda path, _: path.write_bytes(b"PK\3\4" + bytes(200)), id="zeros"),
+        pytest.param(lambda path, _: path.write_bytes(path.read_bytes()[:-300]), id="torn"),
+        pytest.param(lambda path, _: path.write_bytes(b"\x93NUMPY" + bytes(100)), id="one array"),
+        *(
+            pytest.param(damage, id=damage.__name__.strip("_"))
+            for damage in (
+                *(_another_lab, _off_by_one, _too_short, _other_numbers, _one_byte),
+                *(_huge, _pickled, _folder, _pipe, _loop),
+            )
+        ),
+    ],
+)
 def test_a_damaged_file_is_computed_again(small_lab, tmp_path, damage):
     tables = cached_tables(small_lab, (0.0,), 0.5, steps=1, folder=tmp_path)
     path = next(tmp_path.glob("*.npz"))
-    path.write_bytes(path.read_bytes()[:-300] if damage is None else damage)
+    damage(path, tables)
     assert read_tables(path) is None
     again = cached_tables(small_lab, (0.0,), 0.5, steps=1, folder=tmp_path)
     assert np.array_equal(again.codes[0], tables.codes[0])
     assert read_tables(path) is not None
+    assert [one.name for one in tmp_path.iterdir() if one.name.startswith(".")] == []
 
 
 def test_the_key_changes_with_what_the_tables_depend_on(small_lab):

@@ -6,6 +6,8 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,11 +19,20 @@ from ciberrato.files.simulator_log import read_simulator_log
 from ciberrato.files.start_grid import default_grid, read_grid
 from ciberrato.labs import find_grid, find_lab
 from ciberrato.net import TcpLink, UdpLink
-from ciberrato.protocol import Actions, RobotRegistration, encode
+from ciberrato.protocol import (
+    Acceptance,
+    Actions,
+    Refusal,
+    RobotRegistration,
+    ViewRegistration,
+    decode_simulator_message,
+    encode,
+)
 from ciberrato.world.parameters import Parameters
-from simulator_stub.assembly import read_world
+from simulator_stub.assembly import _tell_who_is_heard, build_server, read_world
 from simulator_stub.cli import main
 from simulator_stub.options import parse_arguments
+from simulator_stub.recording.date import log_date
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -96,6 +107,9 @@ def test_what_the_parameter_file_names_is_read_unless_the_command_line_says_othe
         ["--result", "/no/such/folder/result.json"],
         ["--truth", "/dev/null", "--log", "/"],
         ["--runs", "0"],
+        ["--reproducible"],
+        ["--ready-fd", "0"],
+        ["--ready-fd", "987"],
         ["--bind", "192.0.2.1"],
         ["--bind", "no such host"],
     ],
@@ -185,14 +199,15 @@ def test_start_poses_in_place_are_looked_at_too(tmp_path: Path) -> None:
 class Process:
     """The simulator as a process of its own."""
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, pass_fds: tuple[int, ...] = (), **environment: str) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "simulator_stub", "--bind", "127.0.0.1", "--port", "0", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             cwd=REPOSITORY,
-            env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+            env=os.environ | {"PYTHONPATH": str(REPOSITORY)} | environment,
+            pass_fds=pass_fds,
         )
 
     def lines(self, count: int) -> list[str]:
@@ -333,6 +348,78 @@ def test_it_ends_when_all_have_fallen_silent_and_tells_since_when(
     assert robot["answered"] + robot["unanswered"] == run["time"]
 
 
+def test_the_port_is_written_to_a_descriptor_and_it_is_closed(processes: list[Process]) -> None:
+    reader, writer = os.pipe()
+    simulator = Process("--ready-fd", str(writer), pass_fds=(writer,))
+    os.close(writer)
+    processes.append(simulator)
+    with open(reader) as pipe:
+        text = pipe.read()  # comes to an end although the simulator goes on
+    assert simulator.process.poll() is None
+    assert simulator.lines(3)[1] == f"listening on udp 127.0.0.1:{text.strip()}"
+    assert text.endswith("\n")
+
+
+def test_a_reader_of_the_port_that_has_gone_is_no_fault(processes: list[Process]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    simulator = Process("--ready-fd", str(writer), pass_fds=(writer,))
+    os.close(writer)
+    processes.append(simulator)
+    simulator.lines(3)
+    assert simulator.finish(signal.SIGTERM)[0] == 0
+
+
+def drive_reproducibly(folder: Path, processes: list[Process], seed: str, **environment: str) -> list[bytes]:
+    """Do a short run; return all that was written."""
+    paths = [folder / name for name in ("run.log", "truth.csv", "result.json")]
+    log, truth, result = map(str, paths)
+    simulator = Process(
+        *("--lab", "maze", "--seed", seed, "--reproducible", "--autostart", "1", "--exit-at-end"),
+        *("--lockstep", "--answer-limit", "inf", "--log", log, "--truth", truth, "--result", result),
+        **environment,
+    )
+    processes.append(simulator)
+    port = int(simulator.lines(3)[1].rsplit(":", 1)[1])
+    with TcpLink("127.0.0.1", port) as link:
+        link.register(encode(RobotRegistration(name="twin")))
+        while b'Time="30"' not in (link.receive(10.0) or b""):
+            link.send(encode(Actions(left_motor=0.1, right_motor=0.08)))
+    assert simulator.process.wait(timeout=300) == 0
+    return [path.read_bytes() for path in paths]
+
+
+def test_reproducible_runs_are_the_same_bytes_date_and_all(
+    processes: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    once = drive_reproducibly(tmp_path, processes, "5")
+    assert once == drive_reproducibly(tmp_path, processes, "5")
+    assert read_simulator_log(tmp_path / "run.log").header.date == "Sat Jan  1 00:00:05 2000"
+    other = drive_reproducibly(tmp_path, processes, "6")
+    assert all(one != another for one, another in zip(once, other, strict=True))
+    dated = drive_reproducibly(tmp_path, processes, "5", SOURCE_DATE_EPOCH="1700000000")
+    assert dated[0] == once[0].replace(b"Sat Jan  1 00:00:05 2000", b"Tue Nov 14 22:13:20 2023")
+    assert dated[1:] == once[1:]
+
+
+@pytest.mark.parametrize("text", ["-1", "now", "1e9", "9" * 30, "253402300800"])
+def test_a_source_date_that_is_none_is_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", text)
+    with pytest.raises(UsageError, match=f"SOURCE_DATE_EPOCH={text}: not a number of seconds since 1970"):
+        log_date(None)
+
+
+def test_dates_of_logs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "")
+    before = time.time()
+    assert before - 1 <= time.mktime(time.strptime(log_date(None))) <= time.time()
+    assert log_date(0) == "Sat Jan  1 00:00:00 2000"
+    assert log_date(10**9 + 7) == log_date(7)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "253402300799")
+    assert log_date(None) == log_date(7) == "Fri Dec 31 23:59:59 9999"
+
+
 def test_signals_at_any_moment_of_the_start_end_it_quietly(processes: list[Process]) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         simulator = Process()
@@ -341,3 +428,71 @@ def test_signals_at_any_moment_of_the_start_end_it_quietly(processes: list[Proce
         status, _, err = simulator.finish(number)
         assert status == 0
         assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "address", "told"),
+    [
+        pytest.param([], "127.0.0.1", "only programs on this machine are heard", id="default"),
+        pytest.param(["--bind", "127.0.0.1"], "127.0.0.1", None, id="said"),
+        pytest.param(["--bind", "127.0.0.2"], "127.0.0.2", None, id="another-loopback"),
+    ],
+)
+def test_it_is_heard_on_this_machine_unless_told_otherwise_and_says_so(
+    arguments: list[str], address: str, told: str | None
+) -> None:
+    lines: list[str] = []
+    notes: list[str] = []
+    options = parse_arguments(["--port", "0", *arguments])
+    server = build_server(options, print_line=lines.append, notify=notes.append)
+    try:
+        assert [line.rpartition(":")[0] for line in lines[1:]] == [
+            f"listening on udp {address}",
+            f"listening on tcp {address}",
+        ]
+        assert len(notes) == (told is not None)
+        if told is not None:
+            assert told in notes[0]
+            assert "--bind 0.0.0.0 --views local" in notes[0]
+    finally:
+        server.close()
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"), [((), True), (("--views", "local"), False), (("--view-token", "s"), False)]
+)
+def test_who_binds_wide_is_told_who_may_command(limits: tuple[str, ...], told: bool) -> None:
+    notes: list[str] = []
+    # No socket is opened: nothing of a test is to be heard on a network.
+    _tell_who_is_heard(parse_arguments(["--bind", "0.0.0.0", *limits]), "0.0.0.0", notes.append)
+    assert len(notes) == told
+    if told:
+        assert "--views local or --view-token TEXT" in notes[0]
+
+
+@pytest.mark.parametrize("token", ["", "a\nb", "é", "x" * 201])
+def test_a_token_that_no_view_could_show_is_refused(token: str) -> None:
+    with pytest.raises(UsageError, match="token must be"):
+        parse_arguments(["--view-token", token])
+
+
+def test_the_token_comes_from_the_environment_too_and_a_view_shows_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("CIBERRATO_VIEW_TOKEN", "secret")
+    options = parse_arguments(["--port", "0", "--bind", "127.0.0.1"])
+    assert options.view_token == "secret"
+    server = build_server(options, print_line=lambda line: None, notify=lambda line: None)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        for token, kind in ((None, Refusal), ("wrong", Refusal), ("secret", Acceptance)):
+            with UdpLink("127.0.0.1", server.port) as link:
+                link.register(encode(ViewRegistration(token)))
+                data = link.receive(60.0)
+                assert data is not None
+                assert isinstance(decode_simulator_message(data), kind)
+    finally:
+        server.stop()
+        thread.join(60.0)
+        server.close()

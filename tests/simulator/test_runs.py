@@ -159,6 +159,22 @@ def decoded(peer: Any) -> list[Any]:
     return messages
 
 
+def test_where_there_is_no_restart_a_robots_reset_changes_nothing(session: Session, join: Any) -> None:
+    session._restarts = False
+    view, robot = join(b"<View/>"), join(ROBOT)
+    for _ in range(3):
+        session.cycle()
+    time = session.simulation.time
+    decoded(view)
+    decoded(robot)
+    robot.deliver(encode(RESET))
+    session.cycle()
+    (status,) = decoded(view)
+    assert isinstance(status, RobotStatus)
+    assert session.simulation.time == time + 1
+    assert decoded(robot)[0].time == time + 1
+
+
 def test_a_robots_reset_sends_restart_to_views_and_keeps_them(session: Session, join: Any) -> None:
     view, robot = join(b"<View/>"), join(ROBOT)
     for _ in range(3):

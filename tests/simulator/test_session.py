@@ -20,7 +20,8 @@ from ciberrato.protocol import (
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
-from simulator_stub.service.session import COMPLAINT_LIMIT, VIEW_LIMIT, Session
+from simulator_stub.service.audience import SOURCE_LIMIT, Admission
+from simulator_stub.service.session import COMPLAINT_LIMIT, Session
 from simulator_stub.simulation import Simulation
 from simulator_stub.world.simulator_state import SimulatorState
 
@@ -76,16 +77,15 @@ def test_a_refused_robot_is_told_and_let_go(session: Session, join: Any) -> None
     assert list(session.robots) == [1]
 
 
-def test_what_is_no_registration_gets_no_answer_and_ends_check_in_for_the_cycle(
+def test_what_is_no_registration_gets_no_answer_and_costs_nobody_else_anything(
     session: Session, join: Any
 ) -> None:
-    bad = join(b"<Rat/>")
+    bad = [join(b"<Rat/>") for _ in range(2000)]
     robot = join(ROBOT % (1, 1))
     session.cycle()
-    assert (bad.received, robot.received) == ([], [])
-    session.cycle()
-    assert bad.received == []
+    assert not any(peer.received for peer in bad)
     assert kinds(robot) == ["Acceptance", "Measures"]
+    assert session.take_stock()["junk"] == 2000
 
 
 def test_a_message_that_is_not_understood_ends_the_reading_of_that_robot_for_the_cycle(
@@ -270,10 +270,10 @@ def test_a_flood_of_messages_is_bounded(session: Session, join: Any, newcomer: A
 
 
 def test_views_and_panels_are_taken_up_to_a_limit(session: Session, join: Any) -> None:
-    views = [join(b"<View/>") for _ in range(VIEW_LIMIT - 1)]
+    views = [join(b"<View/>") for _ in range(SOURCE_LIMIT - 1)]
     panel = join(b"<Panel/>")
     session.cycle()
-    assert len(session.views) == VIEW_LIMIT - 1
+    assert len(session.views) == SOURCE_LIMIT - 1
     refused = [join(b"<View/>"), join(b"<Panel/>")]
     session.cycle()
     assert [received(peer) for peer in refused] == [[Refusal()]] * 2
@@ -284,6 +284,21 @@ def test_views_and_panels_are_taken_up_to_a_limit(session: Session, join: Any) -
     again = [join(b"<View/>"), join(b"<Panel/>")]
     session.cycle()
     assert all(isinstance(received(peer)[0], Acceptance) for peer in again)
+
+
+def test_without_views_no_client_can_look_or_stop(
+    open_lab: Lab, three_places: StartGrid, quiet: Parameters, newcomer: Any
+) -> None:
+    lines: list[str] = []
+    world = Simulation(open_lab, three_places, quiet, 0)
+    session = Session(world, admission=Admission(limit=0), notify=lines.append)
+    peers = [newcomer() for _ in range(2)]
+    for peer, data in zip(peers, (b"<View/>", b"<Panel/>"), strict=True):
+        session.welcome(peer, data)
+    session.cycle()
+    assert not session.views
+    assert [received(peer.peer) for peer in peers] == [[Refusal()]] * 2
+    assert lines[0].startswith("refused a view: there are to be none (--views 0)")
 
 
 def test_people_are_not_told_of_broken_messages_without_end(

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from ciberrato.processes import module_command
+
 BIN = Path(sys.executable).parent
 TRAPS = ("agent", "maps", "viewer", "evaluation", "simulator_stub", "localization", "client", "examples")
 SECONDS = 60
@@ -70,6 +72,14 @@ def test_the_users_own_module_is_theirs(folder):
         [sys.executable, "-c", "import agent"], cwd=folder, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout) == (77, "this is the users own agent\n")
+
+
+def test_children_find_ours_though_the_folder_is_on_the_path_of_all_pythons(folder, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([".", str(folder)]))
+    words = module_command("agent", "--version")
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("ciberrato ")
 
 
 @pytest.mark.slow

@@ -50,3 +50,7 @@ def test_the_wheel_ships_the_packages_and_the_maps(tmp_path):
     assert assets <= set(names)
     assert any("grading" in name for name in assets)
     assert "ciberrato/py.typed" in names
+    (entries,) = [name for name in names if name.endswith("entry_points.txt")]
+    assert (
+        "[pytest11]\nciberrato = ciberrato.testing.plugin\n" in zipfile.ZipFile(wheel).read(entries).decode()
+    )

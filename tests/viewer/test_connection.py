@@ -38,6 +38,12 @@ def sent(outgoing):
     return [message.data for message in outgoing]
 
 
+@pytest.mark.parametrize(("token", "data"), [(None, b"<View/>\0"), ("s", b'<View Token="s"/>\0')])
+def test_registers_with_the_token_that_it_has(token, data):
+    connection = SimulatorConnection(token=token)
+    assert sent(connection.start(0.0)) == [data]
+
+
 def test_asks_for_the_lab_and_then_the_grid_as_soon_as_it_is_accepted():
     connection = SimulatorConnection()
     [registration] = connection.start(0.0)

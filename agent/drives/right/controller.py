@@ -11,6 +11,7 @@ from agent.drives.right.tracker import CellTracker, Crossing
 from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.physics.kinematics import STANDSTILL, Command
 from ciberrato.protocol.messages import Actions, Measures
+from ciberrato.protocol.order import News
 
 _STUCK = 40  # colliding cycles in a row after which the way is given up
 _STANDING = 8  # cycles at rest before a wall in which it may still turn out that there is none
@@ -63,17 +64,19 @@ class Controller:
             The answer; None to a message that is not the newest.
         """
         crossing = None
-        if not self.exchange.is_late(measures):
+        news = self.exchange.judge(measures)
+        if news is News.FRESH:
             crossing = self._take_in(measures, arrived)
-        elif self.exchange.is_of_another_run(measures):
+        elif news is News.BEGUN_AGAIN:
             self.ended = "the simulator has begun again"
-        answered = newest and self.ended is None
-        self.exchange.unanswered += not newest
+        # While nothing moves every message is answered, however many there are: a seed then gives one log.
+        answered = (newest or not measures.start) and self.ended is None and news is News.FRESH
+        self.exchange.unanswered += measures.start and not newest and news is News.FRESH
         actions = self.exchange.answer(self._decide(measures)) if answered else None
         return self._record(measures, crossing, answered), actions
 
     def _take_in(self, measures: Measures, arrived: float | None) -> Crossing | None:
-        crossing = self.tracker.observe(measures, self.exchange.command_in_effect(arrived))
+        crossing = self.tracker.observe(measures, self.exchange.command_in_effect(arrived, measures.time))
         if measures.time != self.exchange.time:
             self._colliding = self._colliding + 1 if measures.collision else 0
         self.exchange.take(measures)

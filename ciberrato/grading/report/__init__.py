@@ -15,7 +15,19 @@ if TYPE_CHECKING:
     from ciberrato.grading.course import Course
     from ciberrato.grading.standing import Standing
 
-__all__ = ["gradescope", "junit", "player", "site", "tables", "write_report"]
+__all__ = [
+    "gradescope",
+    "junit",
+    "meetings",
+    "parquet",
+    "pieces",
+    "player",
+    "publish_report",
+    "replay",
+    "site",
+    "tables",
+    "write_report",
+]
 
 
 def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, missing: int) -> None:
@@ -37,23 +49,29 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
     """
     from ciberrato.errors import UsageError
     from ciberrato.files.atomic import replace_file
-    from ciberrato.grading.report import gradescope, junit, player, site, tables
+    from ciberrato.grading.report import gradescope, junit, parquet, pieces, player, replay, site, tables
 
     texts = {
         "index.html": site.index_page(course, ranked, folder, missing=missing),
-        "report.css": site.asset("report.css"),
-        "report.js": site.asset("report.js"),
+        "report.css": pieces.asset("report.css"),
+        "report.js": pieces.asset("report.js"),
         "results.csv": tables.results_csv(ranked),
         "measured.csv": tables.measured_csv(ranked),
         "measured.js": tables.measured_script(ranked),
         "results.json": tables.results_json(course, ranked, missing=missing),
         "junit.xml": junit.junit_document(course, ranked),
         **player.player_files(),
+        **replay.parameter_files(course),
     }
-    for number, standing in enumerate(ranked, 1):
-        texts[f"gradescope/{number:03d}-{gradescope.plain(standing.agent)}/results.json"] = (
-            gradescope.results(course, standing)
-        )
+    # Numbered as in the course, not by place: a folder is the same agent's whatever the ranking.
+    numbers = {agent.name: number for number, agent in enumerate(course.agents, 1)}
+    for standing in ranked:
+        name = f"{numbers[standing.agent]:03d}-{gradescope.plain(standing.agent)}"
+        texts[f"gradescope/{name}/results.json"] = gradescope.results(course, standing)
+    for path in folder.glob("gradescope/*/results.json"):
+        if path.relative_to(folder).as_posix() not in texts:
+            path.unlink()  # of an agent that is no longer there
+            path.parent.rmdir()
     for name, text in texts.items():
         path = folder / name
         try:
@@ -61,3 +79,52 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
         except OSError as error:
             raise UsageError(f"{path.parent}: cannot be made: {error.strerror}") from None
         replace_file(path, text.encode("utf-8", "replace"))
+    if parquet.available():
+        parquet.write_table(ranked, folder / "results.parquet")
+    else:
+        (folder / "results.parquet").unlink(missing_ok=True)  # one from before would say something else
+
+
+def publish_report(
+    course: Course, ranked: Sequence[Standing], source: Path, folder: Path, *, missing: int
+) -> None:
+    """Write the report that all may see: without what is secret, and without ``runs.jsonl``.
+
+    Parameters
+    ----------
+    course : Course
+    ranked : sequence of Standing
+    source : Path
+        Folder of the whole report.
+    folder : Path
+        Recordings and folders for Gradescope that are there from before, and no longer belong, are removed.
+    missing : int
+
+    Raises
+    ------
+    UsageError
+        If it cannot be written.
+    """
+    import shutil
+
+    from ciberrato.errors import UsageError
+    from ciberrato.files.atomic import replace_file
+    from ciberrato.grading.secret import published
+
+    course, ranked = published(course, ranked)
+    names = {f"{run.task.file}.js" for standing in ranked for run, _ in standing.runs}
+    try:
+        if (folder / "runs.jsonl").exists():
+            raise UsageError(f"{folder}: holds a whole report (runs.jsonl); publish into another folder")
+        if folder.is_dir() and any(folder.iterdir()) and not (folder / "play.html").exists():
+            raise UsageError(f"{folder}: holds something else than a report; publish into another folder")
+        (folder / "recordings").mkdir(parents=True, exist_ok=True)
+        for path in (folder / "recordings").iterdir():
+            path.unlink()
+        shutil.rmtree(folder / "gradescope", ignore_errors=True)
+        for name in sorted(names):
+            if (source / "recordings" / name).exists():
+                replace_file(folder / "recordings" / name, (source / "recordings" / name).read_bytes())
+    except OSError as error:
+        raise UsageError(f"{folder}: cannot be written: {error.strerror}") from None
+    write_report(course, ranked, folder, missing=missing)

@@ -24,18 +24,21 @@ def results(course: Course, standing: Standing) -> str:
     str
         JSON; see https://gradescope-autograders.readthedocs.io/en/latest/specs/.
     """
+    from ciberrato.grading.secret import published
+
+    _, (shown,) = published(course, [standing])  # what students see: hidden labs are one
     tests: list[dict[str, Any]] = []
     passing = course.points.passing
     for run, points in standing.runs:
         outcome = run.outcome
         passed = outcome.good and (passing is None or points >= passing)
         test: dict[str, Any] = {
-            "name": f"{run.task.lab.name}, seed {run.task.seed}",
+            "name": run.name,
             "score": round(points, 6),
             "status": "passed" if passed else "failed",
             "output": _words(run.outcome, str(run.measured.get("tail", ""))),
             "output_format": "text",
-            "visibility": "visible",
+            "visibility": "hidden" if course.hides(run.task.lab, run.task.seed) else "visible",
         }
         if course.points.maximum is not None:
             test["max_score"] = course.points.maximum
@@ -49,7 +52,7 @@ def results(course: Course, standing: Standing) -> str:
         "tests": tests,
         "leaderboard": [
             {"name": "Points", "value": round(standing.total, 6)},
-            *({"name": name[:80], "value": round(points, 6)} for name, points in standing.labs.items()),
+            *({"name": name[:80], "value": round(points, 6)} for name, points in shown.labs.items()),
         ],
     }
     return json.dumps(document, indent=1) + "\n"

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ciberrato.grading.runner import Graded
     from ciberrato.grading.standing import Standing
 
+_NOTHING: tuple[int, ...] = (0, 0, 0, 0)
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -31,36 +32,48 @@ def junit_document(course: Course, ranked: Sequence[Standing]) -> str:
     str
     """
     root = ElementTree.Element("testsuites", name=_text(course.title))
-    whole = [0, 0, 0]
+    whole = _NOTHING
     for standing in ranked:
         suite = ElementTree.SubElement(root, "testsuite", name=_text(standing.agent))
-        counts = [0, 0, 0]
+        counts = _NOTHING
         for run, points in standing.runs:
-            counts[0] += 1
             kind = _case(course, suite, run, points)
-            counts[1] += kind == "failure"
-            counts[2] += kind == "error"
+            counts = _sum(counts, (1, kind == "failure", kind == "error", _milliseconds(run)))
         _count(suite, counts)
-        whole = [one + other for one, other in zip(whole, counts, strict=True)]
+        whole = _sum(whole, counts)
     _count(root, whole)
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _count(element: ElementTree.Element, counts: list[int]) -> None:
-    for name, count in zip(("tests", "failures", "errors"), counts, strict=True):
+def _sum(one: Sequence[int], other: Sequence[int]) -> tuple[int, ...]:
+    return tuple(map(sum, zip(one, other, strict=True)))
+
+
+def _count(element: ElementTree.Element, counts: Sequence[int]) -> None:
+    """Set the counts of tests, failures and errors, and the time; no test is ever skipped."""
+    for name, count in zip(("tests", "failures", "errors"), counts, strict=False):
         element.set(name, str(count))
+    element.set("skipped", "0")
+    element.set("time", _seconds(counts[-1]))
+
+
+def _milliseconds(run: Graded) -> int:
+    return run.outcome.time * run.outcome.cycle_time
+
+
+def _seconds(milliseconds: int) -> str:
+    return f"{milliseconds / 1000.0:.2f}"
 
 
 def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float) -> str | None:
     task, outcome = run.task, run.outcome
-    seconds = outcome.time * outcome.cycle_time / 1000.0
     case = ElementTree.SubElement(
         suite,
         "testcase",
         classname=_text(f"{task.agent.name}.{task.lab.name}"),
-        name=_text(f"{task.lab.name}, seed {task.seed}"),
-        time=f"{seconds:.2f}",
+        name=_text(run.name),
+        time=_seconds(_milliseconds(run)),
     )
     kind, why = None, ""
     passing = course.points.passing
@@ -72,7 +85,9 @@ def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float
     elif passing is not None and points < passing:
         kind, why = "failure", f"{points:g} points, {passing:g} were needed"
     if kind is not None:
-        fault = ElementTree.SubElement(case, kind, message=_text(why), type=outcome.status.split(" at ")[0])
+        # What it is, without the cycle.
+        type_ = re.sub(r" (at|since) \d+$", "", outcome.status) if not outcome.good else "points"
+        fault = ElementTree.SubElement(case, kind, message=_text(why), type=type_)
         fault.text = _text(
             f"{why}; score {outcome.score}, {outcome.collisions} collisions, time {outcome.time}"
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.resources
 import re
 
-from ciberrato.grading.report.site import asset
+from ciberrato.grading.report.pieces import asset
 
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+)\.js";$', re.MULTILINE)
 _EXPORT = re.compile(r"^export ((?:async )?(?:const|function|class)) ([\w$]+)", re.MULTILINE)

@@ -21,32 +21,37 @@ _FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 
 
 def results_csv(ranked: Sequence[Standing]) -> str:
-    """Write a row a run: agent, lab, seed, points, and all of its outcome."""
+    """Write a row a run: agent, lab, seed, points, and all of its outcome, the agent's commit."""
     fields = list(Outcome.__dataclass_fields__)
-    rows: list[list[Any]] = [["agent", "lab", "seed", "points", *fields]]
+    rows: list[list[Any]] = [["agent", "lab", "seed", *_extra_names(ranked), "points", *fields, "commit"]]
     for standing in ranked:
         for run, points in standing.runs:
             task = run.task
-            rows.append([task.agent.name, task.lab.name, task.seed, points, *asdict(run.outcome).values()])
+            values = [points, *asdict(run.outcome).values(), task.agent.commit]
+            rows.append([task.agent.name, task.lab.name, task.seed, *run.extra().values(), *values])
     return _csv(rows)
+
+
+def _extra_names(ranked: Sequence[Standing]) -> list[str]:
+    """Return the columns that a tournament has more."""
+    return next((list(run.extra()) for standing in ranked for run, _ in standing.runs), [])
 
 
 def measured_csv(ranked: Sequence[Standing]) -> str:
     """Write a row a run: wall time in seconds, memory in bytes, threads, bytes of output, how it ended."""
-    rows: list[list[Any]] = [["agent", "lab", "seed", *MEASURED]]
+    rows: list[list[Any]] = [["agent", "lab", "seed", *_extra_names(ranked), *MEASURED]]
     for standing in ranked:
         for run, _ in standing.runs:
             task = run.task
-            rows.append(
-                [task.agent.name, task.lab.name, task.seed, *(run.measured.get(name) for name in MEASURED)]
-            )
+            values = [run.measured.get(name) for name in MEASURED]
+            rows.append([task.agent.name, task.lab.name, task.seed, *run.extra().values(), *values])
     return _csv(rows)
 
 
 def measured_script(ranked: Sequence[Standing]) -> str:
     """Write wall time and memory for the page, by the recording's name."""
     values = {
-        run.task.file: [run.measured.get("wall"), run.measured.get("memory")]
+        run.row: [run.measured.get("wall"), run.measured.get("memory")]
         for standing in ranked
         for run, _ in standing.runs
     }
@@ -62,16 +67,19 @@ def results_json(course: Course, ranked: Sequence[Standing], *, missing: int) ->
         "maximum": course.points.maximum,
         "weights": {lab.name: lab.weight for lab in course.labs},
         "missing": missing,
+        "hidden": sum(standing.hidden for standing in ranked),
         "ranking": [
             {
                 "place": standing.place,
                 "agent": standing.agent,
+                "commit": standing.commit,
                 "points": standing.total,
                 "labs": standing.labs,
                 "runs": [
                     {
                         "lab": run.task.lab.name,
                         "seed": run.task.seed,
+                        **run.extra(),
                         "points": points,
                         "recording": f"recordings/{run.task.file}.js",
                         **asdict(run.outcome),

@@ -89,16 +89,35 @@ def load() -> bool:
 
         try:
             from ciberrato.localization.belief import kernels
-        except (ImportError, RuntimeError) as error:  # a numba that does not fit, or no place for its cache
+
+            try:
+                warming.call_all(kernels)
+            except Exception:  # a file of numba's cache is not what numba wrote there
+                _forget_cache(kernels)
+                warming.call_all(kernels)
+        except Exception as error:  # a numba that does not fit, no place for its cache, no memory
             if choice() == "on":
                 raise UsageError(f"{VARIABLE}=on: {error}") from None
             return False
-        warming.call_all(kernels)
         use(kernels)
     return True
 
 
+def _forget_cache(module: ModuleType) -> None:
+    """Remove what numba keeps of a module and of those that it calls: it is compiled again."""
+    from ciberrato.infrared import cone_compiled
+
+    for one in (module, cone_compiled):
+        for loop in vars(one).values():
+            folder = getattr(getattr(loop, "stats", None), "cache_path", None)
+            if folder is not None:
+                for path in Path(folder).glob(f"{Path(str(one.__file__)).stem}.*.nb[ic]"):
+                    with contextlib.suppress(OSError):
+                        path.unlink()
+
+
 if __name__ == "__main__":
-    with contextlib.suppress(OSError):
-        os.nice(5)  # the loop that waits for this comes first
+    from ciberrato.system.process import lower_priority
+
+    lower_priority()  # the loop that waits for this comes first
     sys.exit(0 if load() else 1)

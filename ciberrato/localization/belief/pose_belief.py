@@ -119,6 +119,16 @@ class PoseBelief:
         self._merge([(bins, squares, weights.astype(np.float32))])
         self.normalize()
 
+    def copy(self) -> PoseBelief:
+        """Return a belief of its own that holds the same."""
+        other = PoseBelief(self.lattice, self.bins, prune=self.prune_weight, uniform=False)
+        other.heading_offset, other.offset = self.heading_offset, self.offset.copy()
+        other.given_up = self.given_up
+        other.dense = None if self.dense is None else self.dense.copy()
+        other._spare = None if self._spare is None else np.zeros_like(self._spare)
+        other.bin, other.square, other.weight = self.bin.copy(), self.square.copy(), self.weight.copy()
+        return other
+
     def listed(self) -> tuple[Indices, Indices, Floats]:
         """List the states: bins, squares and weights; everything with weight if the belief is dense."""
         if self.dense is None:

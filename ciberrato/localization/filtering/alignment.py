@@ -10,8 +10,9 @@ from collections import deque
 from typing import NamedTuple
 
 from ciberrato.localization.belief.estimate import PoseEstimate
+from ciberrato.localization.filtering.interruption import doubtful_cycles
 from ciberrato.localization.records import Motion
-from ciberrato.physics.kinematics import Command, advance, clamp_power, filter_power, wrap_angle
+from ciberrato.physics.kinematics import STANDSTILL, Command, advance, clamp_power, filter_power, wrap_angle
 from ciberrato.protocol.messages import BeaconReading, Measures
 from ciberrato.reprs import short_repr
 from ciberrato.world.parameters import Parameters
@@ -22,6 +23,8 @@ class _Tick(NamedTuple):
 
     commands: tuple[Command, ...]
     measures: Measures
+    former: Command
+    """In effect before the message before."""
 
     def __repr__(self) -> str:
         return short_repr(self)
@@ -40,6 +43,10 @@ class Moment(NamedTuple):
     beacons: tuple[BeaconReading, ...]
     gps: tuple[float, float] | None
     time: int
+    doubtful: int = 0
+    """How many of the last motions may not have been: see `ciberrato.localization.filtering.interruption`."""
+    otherwise: tuple[Motion, ...] = ()
+    """Motions if the last command never reached the robot, after a gap."""
 
     @property
     def moved(self) -> float:
@@ -101,9 +108,10 @@ class MessageAlignment:
             The oldest one whose readings are all there; None in the first `lag` messages.
         """
         cycles = 0 if self.time is None else max(measures.time - self.time, 0)
-        self.time, self.command = measures.time, command or (0.0, 0.0)
+        former, self.command = self.command, command or STANDSTILL
+        self.time = measures.time
         self._messages += 1
-        self._ticks.append(_Tick((command or (0.0, 0.0),) * cycles, measures))
+        self._ticks.append(_Tick((self.command,) * cycles, measures, former))
         return self._oldest(measures.time) if self._messages > self.lag else None
 
     def _oldest(self, time: int) -> Moment:
@@ -111,14 +119,13 @@ class MessageAlignment:
         # Of these two sensors, whose readings matter less, nothing waits for what is later than the others.
         blocked = self._late(parameters.collision_latency)
         floor = self._late(parameters.ground_latency)
-        motions = []
-        for number, command in enumerate(oldest.commands):
-            # Of cycles whose messages never came it is not known whether a wall was in the way.
-            last = number == len(oldest.commands) - 1
-            collision = blocked.collision if last and blocked is not None else None
-            self.wheels = left, right = wheels_after(command, self.wheels)
-            if left != 0.0 or right != 0.0:
-                motions.append(Motion(left, right, collision))
+        collision = None if blocked is None else blocked.collision
+        cycles = len(oldest.commands)
+        doubtful = doubtful_cycles(cycles, (*oldest.commands[:1], oldest.former))
+        otherwise: list[Motion] = []
+        if doubtful and oldest.former != oldest.commands[0]:
+            otherwise, _ = _motions((oldest.former,) * cycles, self.wheels, collision)
+        motions, self.wheels = _motions(oldest.commands, self.wheels, collision)
         moment = Moment(
             motions=tuple(motions),
             infrared=self._ticks[parameters.obstacle_latency].measures.infrared,
@@ -129,7 +136,11 @@ class MessageAlignment:
             else (),
             gps=oldest.measures.gps,
             time=time,
+            doubtful=doubtful,
+            otherwise=tuple(otherwise),
         )
+        if doubtful:  # half way between what wheels give that were stopped and that were not
+            self.wheels = self.wheels[0] / 2.0, self.wheels[1] / 2.0
         # A robot that stands is told nothing new by the floor that it stands on.
         return moment if moment.moved > 0.0 or self._messages < 3 else moment._replace(ground=None)
 
@@ -144,6 +155,19 @@ class MessageAlignment:
         return dead_reckoned(
             found, self.wheels, [command for tick in list(self._ticks)[1:] for command in tick.commands]
         )
+
+
+def _motions(
+    commands: tuple[Command, ...], wheels: Command, collision: bool | None
+) -> tuple[list[Motion], Command]:
+    """Return what the wheels do in the cycles between two messages, and what they give in the last."""
+    motions = []
+    for number, command in enumerate(commands, start=1):
+        wheels = left, right = wheels_after(command, wheels)
+        if left != 0.0 or right != 0.0:
+            # Of cycles whose messages never came it is not known whether a wall was in the way.
+            motions.append(Motion(left, right, collision if number == len(commands) else None))
+    return motions, wheels
 
 
 def wheels_after(command: Command, wheels: Command) -> Command:

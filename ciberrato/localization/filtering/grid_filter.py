@@ -28,6 +28,7 @@ from ciberrato.localization.filtering.alignment import MessageAlignment, Moment
 from ciberrato.localization.filtering.challenge import Challenge
 from ciberrato.localization.filtering.diffusion import Diffusion
 from ciberrato.localization.filtering.images import TurnedImages
+from ciberrato.localization.filtering.interruption import LOST, Interruption
 from ciberrato.localization.filtering.stage import FineStage, Stage
 from ciberrato.localization.filtering.tempering import Tempering
 from ciberrato.localization.records import FilterSettings, FilterStep, Motion
@@ -203,10 +204,7 @@ class GridFilter:
             time=moment.time,
             beacons=moment.beacons if self._beacons is not None else (),
         )
-        for motion in step.motions:
-            self.predict(motion)
-            if self.gps is not None:
-                self.gps.tracker.move(motion)
+        self._move(moment)
         if self.gps is not None and moment.gps is not None:
             told = self.gps.weigh(self.belief, moment.gps)
             if told is None:
@@ -220,6 +218,40 @@ class GridFilter:
         self.update(step, on_node=on_node)
         if self.refinement is not None:
             self.refinement.follow(step, min(step.exponent / self.stage.settings.exponent, 1.0))
+
+    def _move(self, moment: Moment) -> None:
+        """Move the belief by all cycles before a moment."""
+        if moment.doubtful:
+            self._move_blindly(moment)
+        else:
+            for motion in moment.motions:
+                self.predict(motion)
+        if self.gps is not None:
+            for motion in moment.motions:
+                self.gps.tracker.move(motion)
+
+    def _move_blindly(self, moment: Moment) -> None:
+        """Move the belief by a gap in which the robot may have been stopped at any time."""
+        interruption = Interruption(moment.doubtful, collided=any(one.collision for one in moment.motions))
+        belief = self.belief
+        if moment.otherwise:
+            self.stage.belief = belief.copy()
+            self._follow(interruption, moment.otherwise, moment.doubtful, LOST)
+            self.stage.belief = belief
+        self._follow(interruption, moment.motions, moment.doubtful, 1.0 - LOST * bool(moment.otherwise))
+        interruption.mix(belief)
+        if self.refinement is not None:
+            self.refinement.end()
+
+    def _follow(
+        self, interruption: Interruption, motions: tuple[Motion, ...], doubtful: int, share: float
+    ) -> None:
+        interruption.begin(share)
+        for number, motion in enumerate(motions, start=1):
+            if number > len(motions) - doubtful:
+                interruption.keep(self.belief)
+            self.predict(motion)
+        interruption.end(self.belief)
 
     def predict(self, motion: Motion, *, backwards: bool = False) -> None:
         """Move the belief by one cycle.

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ciberrato.localization.belief import compiled
-from ciberrato.localization.tables.memory import memory_megabytes
 from ciberrato.localization.tables.worker import TableWorker
 from ciberrato.reprs import short_repr
+from ciberrato.system.memory import memory_megabytes
 
 
 @dataclass(slots=True)

@@ -7,14 +7,13 @@ output, a number a line, and behind that the most memory held, in megabytes.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import pickle
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from ciberrato.reprs import short_repr
+from ciberrato.system.process import lower_priority
 from ciberrato.world.lab import Lab
 
 
@@ -41,11 +40,10 @@ def main() -> int:
     """
     request = pickle.load(sys.stdin.buffer)
     assert isinstance(request, TableRequest)
-    with contextlib.suppress(OSError):
-        os.nice(5)  # the loop that waits for this comes first
+    lower_priority()  # the loop that waits for this comes first
     from ciberrato.localization.tables.cache import write_tables
-    from ciberrato.localization.tables.memory import memory_megabytes
     from ciberrato.localization.tables.pose_tables import build_tables
+    from ciberrato.system.memory import memory_megabytes
 
     shown = -1
 
@@ -68,5 +66,8 @@ if __name__ == "__main__":
     # Under its full name, so that the class of the request is the one that was pickled.
     from ciberrato.localization.tables.build import main as run
 
-    with contextlib.suppress(BrokenPipeError):
+    # The parent is gone, or there is no room or no memory: that there are no tables is all it needs to know.
+    try:
         sys.exit(run())
+    except (BrokenPipeError, OSError, MemoryError, ImportError):
+        sys.exit(1)

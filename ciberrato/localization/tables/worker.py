@@ -6,6 +6,7 @@ threads only wait for them and load what they leave.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import pickle
@@ -18,7 +19,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ciberrato.errors import CiberratoError
 from ciberrato.processes import module_command
+from ciberrato.system.process import apart
 
 if TYPE_CHECKING:
     from ciberrato.localization.tables.pose_tables import PoseTables
@@ -155,13 +158,15 @@ class TableWorker:
                     return
                 _load_gently()
             self.seconds["loops"] = time.monotonic() - self._began
+        except (ImportError, MemoryError, OSError):
+            return  # no room for them: the same results come from numpy
         finally:
             self._looped.set()
 
     def _compile_loops(self) -> bool:
         command = module_command("ciberrato.localization.belief.compiled")
         nothing = subprocess.DEVNULL
-        self._warming = subprocess.Popen(command, stdin=nothing, stderr=nothing, start_new_session=True)
+        self._warming = subprocess.Popen(command, stdin=nothing, stderr=nothing, **apart())
         if self._stopped:
             self._warming.terminate()
         return self._warming.wait() == 0 and not self._stopped
@@ -176,12 +181,18 @@ class TableWorker:
         tables = read_tables(path)
         if tables is None:
             with tempfile.TemporaryDirectory(prefix="ciberrato-") as scratch:
-                if not _writable(path.parent):
+                if _writable(path.parent):
+                    self._compute(which, resolution, path)
+                    tables = read_tables(path)
+                if tables is None:  # no place to keep them, or no room there
                     path = Path(scratch) / path.name
-                self._compute(which, resolution, path)
-                tables = read_tables(path)
+                    self._compute(which, resolution, path)
+                    tables = read_tables(path)
         if tables is None:
-            raise RuntimeError(f"the {which} tables could not be computed")
+            raise TablesError(
+                f"the {which} tables of the lab could not be computed: too little memory, or no room "
+                f"in {tempfile.gettempdir()}"
+            )
         tables.complete(self._lab)
         tables.lattice.move_table(REACH)
         if compiled.choice() != "off" and compiled.available():
@@ -197,15 +208,16 @@ class TableWorker:
             module_command("ciberrato.localization.tables.build"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,
+            **apart(),
         )
         if self._stopped:
             self._process.terminate()
         with self._process as process:
             assert process.stdin is not None
             assert process.stdout is not None
-            process.stdin.write(request)
-            process.stdin.close()
+            with contextlib.suppress(BrokenPipeError):  # it has ended already; what it left tells
+                process.stdin.write(request)
+                process.stdin.close()
             for line in process.stdout:
                 if line.startswith(b"memory "):
                     self.megabytes = max(self.megabytes, float(line.split()[1]))
@@ -214,6 +226,10 @@ class TableWorker:
         self._process = None
         if self._progress is not None:
             self._progress(which, 1.0)
+
+
+class TablesError(CiberratoError):
+    """The tables cannot be computed on this machine."""
 
 
 def _load_gently() -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from simulator_stub.service.transports.base import Newcomer, Peer, Transport, Welcome
+from simulator_stub.service.transports.base import NO_ROOM, Newcomer, Peer, Transport, Welcome
 from simulator_stub.service.transports.tcp import TcpTransport
 from simulator_stub.service.transports.udp import UdpTransport
 
-__all__ = ["TRANSPORTS", "Newcomer", "Peer", "Transport", "Welcome"]
+__all__ = ["NO_ROOM", "TRANSPORTS", "Newcomer", "Peer", "Transport", "Welcome"]
 
 TRANSPORTS: dict[str, type[Transport]] = {
     transport.name: transport for transport in (UdpTransport, TcpTransport)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+from simulator_stub.service.allowance import Meter
 from simulator_stub.service.readiness import Readiness
+
+NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+"""What is wrong where the system has no descriptor, or no memory, for one more socket: it may have later."""
 
 Ends = tuple[str, tuple[str, int], tuple[str, int]]
 
@@ -23,13 +28,27 @@ class Peer(ABC):
         Whether nothing can reach the client any more, as far as is known.
     ends : (str, (str, int), (str, int)) or None
         Transport, the client's address and port, and ours, where these tell its socket from all others.
+    source : str
+        The address of its machine.
+    lost : bool
+        Whether its machine has said, again and again, that no client is there any more.
     """
+
+    connected = False
+    """Whether `closed` tells when the client has gone."""
 
     def __init__(self, label: str) -> None:
         self.deliver: Callable[[bytes], None] = ignore
         self.label = label
         self.closed = False
         self.ends: Ends | None = None
+        self.source = ""
+        self.lost = False
+
+    @property
+    def exhausted(self) -> bool:
+        """Return whether it has sent more than is read in a cycle."""
+        return False
 
     @abstractmethod
     def send(self, data: bytes) -> None:
@@ -37,6 +56,13 @@ class Peer(ABC):
 
     def acknowledge(self) -> None:  # noqa: B027 - most transports have nothing to do
         """Let the client's system send on what it holds back until it knows that we have what came before."""
+
+    def serve_every_cycle(self) -> None:  # noqa: B027 - as above
+        """Read as much of this client as of a robot: its allowance is renewed with each cycle."""
+
+    def overflow(self) -> int:
+        """Return how many messages the system has dropped since this was last asked, as it was not read."""
+        return 0
 
     @abstractmethod
     def close(self) -> None:
@@ -53,14 +79,26 @@ class Newcomer(ABC):
     registered : Peer or None
         The channel, once it has one: what was sent after the registration, but before it was looked at,
         belongs there. Only where messages of one client keep their order can this be known.
+    source : str
+        The address of its machine.
+    followers : list of bytes or None
+        What came behind a registration that waits; None while none waits.
+    faults : int
+        Messages that were no registrations.
     """
 
     label: str
+    source: str = ""
     registered: Peer | None = None
+    followers: list[bytes] | None = None
+    faults: int = 0
 
     @abstractmethod
     def accept(self) -> Peer:
         """Open the client's own channel; its Reply goes out on it, also a refusal."""
+
+    def turn_away(self) -> None:  # noqa: B027 - where nothing is open there is nothing to close
+        """Let go of a client that does not register."""
 
 
 Welcome = Callable[[Newcomer, bytes], None]
@@ -87,8 +125,14 @@ class Transport(ABC):
         """
 
     @abstractmethod
-    def serve(self, readiness: Readiness, welcome: Welcome) -> None:
-        """Put the open socket under watch; newcomers' messages go to `welcome`."""
+    def serve(self, readiness: Readiness, welcome: Welcome, meter: Meter) -> None:
+        """Put the open socket under watch; newcomers' messages go to `welcome`, as many as `meter` allows."""
+
+    def tick(self, now: float) -> None:  # noqa: B027 - most have nothing to do
+        """Look after what takes too long; called once in a CycleTime, with the meter's time in seconds."""
+
+    def make_room(self) -> None:  # noqa: B027 - most have nothing to let go of
+        """Let go of a client that has not registered: one that has needs a descriptor."""
 
     @abstractmethod
     def close(self) -> None:

@@ -20,6 +20,7 @@ class BinaryNewcomer(Newcomer):
     def __init__(self, newcomer: Newcomer) -> None:
         self._newcomer = newcomer
         self.label = f"{newcomer.label}, binary"
+        self.source = newcomer.source
 
     def accept(self) -> Peer:
         """Open its channel, with a translator."""
@@ -39,6 +40,9 @@ class BinaryPeer(Peer):
     def __init__(self, peer: Peer, label: str) -> None:
         super().__init__(label)
         self._peer = peer
+        self.source = peer.source
+        self.serve_every_cycle = peer.serve_every_cycle  # type: ignore[method-assign]
+        self.overflow = peer.overflow  # type: ignore[method-assign]
         peer.deliver = self._translate
 
     def _translate(self, data: bytes) -> None:
@@ -55,6 +59,11 @@ class BinaryPeer(Peer):
             self._peer.send(encode_binary_measures(message))
         elif isinstance(message, Acceptance | Refusal):
             self._peer.send(encode_binary_reply(message))
+
+    @property
+    def exhausted(self) -> bool:
+        """Return whether it has sent more than is read in a cycle."""
+        return self._peer.exhausted
 
     def close(self) -> None:
         """Close the channel."""

@@ -8,19 +8,26 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import sys
+from collections.abc import Callable
 
 from ciberrato.protocol import MESSAGE_LIMIT
+from ciberrato.system.sockets import keep_port
+from simulator_stub.service.allowance import CLIENT_BYTES, CONNECTIONS, NEWCOMER_BYTES, Allowance, Meter
 from simulator_stub.service.readiness import Readiness
-from simulator_stub.service.transports.base import Newcomer, Peer, Transport, Welcome, ignore
-
-READ_SIZE = 65536
-"""Bytes read at a time."""
+from simulator_stub.service.transports.base import NO_ROOM, Newcomer, Peer, Transport, Welcome, ignore
 
 BACKLOG_LIMIT = 1 << 20
 """Bytes that may wait for a client that does not read; beyond them it is cut off."""
 
-CONNECTION_LIMIT = 512
-"""Connections at a time; further ones are closed at once."""
+UNREGISTERED_LIMIT = 256
+"""Connections without a registration; the oldest is closed for one more."""
+
+RESERVE = 16
+"""Descriptors that are left for robots over UDP and for files: connections take turns in the rest."""
+
+REGISTRATION_SECONDS = 30.0
+"""So long a connection may take to register; it is closed then."""
 
 _QUICK_ACKNOWLEDGEMENT: int | None = getattr(socket, "TCP_QUICKACK", None)
 _ONCE = 2
@@ -35,37 +42,78 @@ class TcpTransport(Transport):
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._connections: set[TcpPeer] = set()
+        self._unregistered: dict[TcpPeer, float] = {}
         self._readiness: Readiness | None = None
         self.port = 0
 
     def open(self, host: str, port: int) -> None:
         """Listen."""
-        # Without this, connections of a simulator that has just ended keep the port for a minute.
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        keep_port(self._socket)
         self._socket.bind((host, port))
         self._socket.listen()
         self._socket.setblocking(False)
         self.port = self._socket.getsockname()[1]
 
-    def serve(self, readiness: Readiness, welcome: Welcome) -> None:
+    def serve(self, readiness: Readiness, welcome: Welcome, meter: Meter) -> None:
         """Accept connections whenever there are some."""
         self._readiness = readiness
         self._welcome = welcome
+        self._meter = meter
+        self._allowance = Allowance(meter, CONNECTIONS)
+        self._places = UNREGISTERED_LIMIT
+        self._last_descriptor = _most_descriptors() - RESERVE
         readiness.watch(self._socket, self._accept)
 
     def _accept(self) -> None:
+        self._allowance.left()
         try:
             connection, address = self._socket.accept()
-        except OSError:
+        except OSError as error:
+            if error.errno in NO_ROOM:
+                self.make_room()
+                self._pause(self._allowance.left())
             return
-        if len(self._connections) >= CONNECTION_LIMIT:
-            connection.close()
-            return
+        self._pause(1)
+        if connection.fileno() >= self._last_descriptor:
+            self._places = max(1, min(self._places, len(self._unregistered)))
+        if len(self._unregistered) >= self._places:
+            self.make_room()
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         assert self._readiness is not None
-        peer = TcpPeer(self._readiness, self._connections, connection, f"tcp {address[0]}:{address[1]}")
+        label = f"tcp {address[0]}:{address[1]}"
+        peer = TcpPeer(self._readiness, self._connections, connection, label, self._meter)
+        peer.source = address[0]
+        self._unregistered[peer] = self._meter.now + REGISTRATION_SECONDS
+        peer.settled = lambda: self._unregistered.pop(peer, None)
         newcomer = TcpNewcomer(peer)
         peer.deliver = lambda data: self._welcome(newcomer, data)
+
+    def _pause(self, cost: int) -> None:
+        """Accept no more for the rest of a CycleTime, once there were so many, or no descriptor is left."""
+        if self._allowance.spend(cost):
+            self._watch(reading=False)
+            self._meter.when_renewed(self._allowance, lambda: self._watch(reading=True))
+
+    def _watch(self, *, reading: bool) -> None:
+        assert self._readiness is not None
+        self._readiness.watch_for(self._socket, reading=reading)
+
+    def make_room(self) -> None:
+        """Close the connection that has not registered for longest, if there is one."""
+        for peer in self._unregistered:
+            self._meter.dropped["connections"] += 1
+            peer.close()
+            return
+
+    def tick(self, now: float) -> None:
+        """Close connections on which no client has registered in time."""
+        while self._unregistered:
+            peer, deadline = next(iter(self._unregistered.items()))
+            if deadline > now:
+                return
+            self._meter.dropped["connections"] += 1
+            peer.close()
 
     def close(self) -> None:
         """Close all connections and stop listening."""
@@ -82,16 +130,31 @@ class TcpNewcomer(Newcomer):
     def __init__(self, peer: TcpPeer) -> None:
         self._peer = peer
         self.label = peer.label
+        self.source = peer.source
 
     def accept(self) -> Peer:
         """Return the connection itself, which does not listen until it is told to."""
+        self._peer.settled()
         self.registered = self._peer
         self._peer.deliver = ignore
+        self._peer.widen()
         return self._peer
+
+    def turn_away(self) -> None:
+        """Close the connection."""
+        self._peer.close()
 
 
 class TcpPeer(Peer):
-    """A connection."""
+    """A connection.
+
+    Attributes
+    ----------
+    settled : callable
+        Called when its client registers, and when it is closed.
+    """
+
+    connected = True
 
     def __init__(
         self,
@@ -99,8 +162,13 @@ class TcpPeer(Peer):
         connections: set[TcpPeer],
         connection: socket.socket,
         label: str,
+        meter: Meter,
     ) -> None:
         super().__init__(label)
+        self._meter = meter
+        self._allowance = Allowance(meter, NEWCOMER_BYTES)
+        self._paused = False
+        self.settled: Callable[[], object] = lambda: None
         self._readiness = readiness
         self._connections = connections
         self._socket = connection
@@ -115,12 +183,16 @@ class TcpPeer(Peer):
     def _ready(self) -> None:
         if self._outgoing:
             self._flush()
+            if self._paused:
+                return
         if not self.closed:
             self._read()
 
     def _read(self) -> None:
+        # Paused and called all the same, it has broken: what is left to read has an end.
+        left = NEWCOMER_BYTES if self._paused else self._allowance.left()
         try:
-            data = self._socket.recv(READ_SIZE)
+            data = self._socket.recv(left)
         except (BlockingIOError, InterruptedError):
             return
         except OSError:
@@ -128,7 +200,11 @@ class TcpPeer(Peer):
         if not data:
             self._drop()
             return
-        if not self._incoming and data.find(0) == len(data) - 1:  # one whole message: nearly always
+        if self._allowance.spend(len(data)) and not self._paused:
+            self._paused = True
+            self._watch()
+            self._meter.when_renewed(self._allowance, self._read_on)
+        if not self._incoming and 0 < data.find(0) == len(data) - 1:  # one whole message: nearly always
             self.deliver(data)
             return
         self._incoming += data
@@ -136,7 +212,8 @@ class TcpPeer(Peer):
             *messages, rest = bytes(self._incoming).split(b"\0")
             self._incoming = bytearray(rest)
             for message in messages:
-                self.deliver(message)
+                if message:  # empty ones cost nothing
+                    self.deliver(message)
         if len(self._incoming) > MESSAGE_LIMIT:
             self._drop()
 
@@ -154,11 +231,33 @@ class TcpPeer(Peer):
                 return
             if sent == len(data):
                 return
-            data = data[sent:]
-            self._readiness.watch_writing(self._socket, wanted=True)
+            self._outgoing += data[sent:]
+            self._watch()
+            return
         self._outgoing += data
         if len(self._outgoing) > BACKLOG_LIMIT:
             self._drop()
+
+    def _read_on(self) -> None:
+        self._paused = False
+        if not self.closed:
+            self._watch()
+
+    def _watch(self) -> None:
+        self._readiness.watch_for(self._socket, reading=not self._paused, writing=bool(self._outgoing))
+
+    @property
+    def exhausted(self) -> bool:
+        """Return whether it has sent more than is read in a cycle."""
+        return self._paused
+
+    def widen(self) -> None:
+        """Read as much as of a client that is registered."""
+        self._allowance.widen(CLIENT_BYTES, every_cycle=False)
+
+    def serve_every_cycle(self) -> None:
+        """Read as much as of a robot; see `Peer.serve_every_cycle`."""
+        self._allowance.widen(CLIENT_BYTES, every_cycle=True)
 
     def acknowledge(self) -> None:
         """Acknowledge at once what has come.
@@ -181,7 +280,7 @@ class TcpPeer(Peer):
             return
         del self._outgoing[:sent]
         if not self._outgoing:
-            self._readiness.watch_writing(self._socket, wanted=False)
+            self._watch()
 
     def close(self) -> None:
         """Close the connection; what could not be sent by then is tried once more."""
@@ -197,3 +296,14 @@ class TcpPeer(Peer):
             self._readiness.forget(self._socket)
             self._socket.close()
             self._connections.discard(self)
+            self.settled()
+
+
+def _most_descriptors() -> int:
+    """Return how many descriptors this process may have."""
+    try:
+        import resource
+    except ImportError:  # not a Unix: the system has limits of its own
+        return sys.maxsize
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return sys.maxsize if soft == resource.RLIM_INFINITY else soft

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 
@@ -14,9 +15,19 @@ def memory_megabytes() -> float:
         Megabytes; 0 where the system does not say.
     """
     try:
-        # Not `resource`: what a process held before it became this program would count.
+        # Not `resource`: what a process held before it became this program would count on Linux.
         lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
-        return 0.0
+        return _by_resource()
     peak = next((line for line in lines if line.startswith("VmHWM:")), "VmHWM: 0 kB")
     return float(peak.split()[1]) / 1024.0
+
+
+def _by_resource() -> float:
+    """Ask getrusage(2), which macOS answers in bytes and others in KiB."""
+    try:
+        import resource
+    except ImportError:
+        return 0.0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10

@@ -1,20 +1,36 @@
-"""All that an agent has started: counted, measured, and ended, however deep it hides (Linux's /proc)."""
+"""All that a process has started: counted, measured, and ended, however deep it hides.
+
+Linux tells by /proc. Other POSIX systems tell by ``ps`` who is whose child and how much memory it has;
+threads are not counted there, and orphans, which Linux lets us adopt, are found no more. Windows ends a
+process with its children by ``taskkill``, and neither counts nor measures: `MEASURES` says so.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
 import os
+import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from ciberrato.reprs import short_repr
 
 _SET_DEATH_SIGNAL, _SET_SUBREAPER = 1, 36
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
+_PROC = Path("/proc/self/task").is_dir()
+_PS = None if _PROC or os.name != "posix" else shutil.which("ps", path="/bin:/usr/bin")
+
+MEASURES = "all" if _PROC else "memory" if _PS else "nothing"
+"""What can be known of descendants here: ``all``, their ``memory``, or ``nothing``."""
+
+SECONDS_A_LOOK = 0.05 if _PROC else 0.5
+"""How often it is reasonable to ask."""
 
 
 class Usage(NamedTuple):
@@ -33,6 +49,12 @@ def adopt_orphans() -> None:
         ctypes.CDLL(None).prctl(_SET_SUBREAPER, 1, 0, 0, 0)
 
 
+def die_with_parent() -> None:
+    """Let the system end this process when its parent ends, however that comes about."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGTERM, 0, 0, 0)
+
+
 def descendants(root: int) -> list[int]:
     """Find the processes below one.
 
@@ -46,6 +68,8 @@ def descendants(root: int) -> list[int]:
     list of int
         Parents before their children; those that have ended are left out.
     """
+    if not _PROC:
+        return _below(root)
     found: list[int] = []
     front = [root]
     while front:
@@ -58,9 +82,33 @@ def _children(process: int) -> list[int]:
     found: list[int] = []
     with contextlib.suppress(OSError):
         for thread in os.listdir(f"/proc/{process}/task"):
-            with contextlib.suppress(OSError), open(f"/proc/{process}/task/{thread}/children") as file:
+            with contextlib.suppress(OSError), open(f"/proc/{process}/task/{thread}/children", "rb") as file:
                 found += map(int, file.read().split())
     return found
+
+
+def _below(root: int) -> list[int]:
+    """Find them by what ``ps`` says; no more than none where there is no ``ps``."""
+    found = [root]
+    table = _table()
+    for process in found:
+        found += [child for child, (parent, _) in table.items() if parent == process]
+    return found[1:]
+
+
+def _table() -> dict[int, tuple[int, int]]:
+    """Return parent and memory in bytes of all processes that run."""
+    if _PS is None:
+        return {}
+    command = [_PS, "-A", "-o", "pid=,ppid=,rss=,stat="]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as asked:
+        said, _ = asked.communicate()
+    rows = (line.split(None, 3) for line in said.splitlines())
+    return {
+        int(process): (int(parent), int(kilobytes) << 10)
+        for process, parent, kilobytes, state in (row for row in rows if len(row) == 4)
+        if not state.startswith(b"Z") and int(process) != asked.pid
+    }
 
 
 def _is_alive(process: int) -> bool:
@@ -75,6 +123,9 @@ def usage(processes: Sequence[int]) -> Usage:
     Memory is resident pages but those of files, shared memory included; pages that forks still share are
     counted for each of them, so it is an upper bound (`exact_memory`).
     """
+    if not _PROC:
+        table = _table()
+        return Usage(0, sum(table.get(process, (0, 0))[1] for process in processes))
     threads = memory = 0
     for process in processes:
         with contextlib.suppress(OSError, ValueError, IndexError):
@@ -110,7 +161,40 @@ def exact_memory(processes: Sequence[int]) -> int | None:
     return total
 
 
-def end_all(find: Callable[[], list[int]], seconds: float = 10.0) -> bool:
+def socket_of(port: int) -> str | None:
+    """Find the socket that has a port, UDP's or TCP's, of this network.
+
+    Returns
+    -------
+    str or None
+        Its inode; None where the system does not tell.
+    """
+    wanted = f"{port:04X}"
+    for table in ("udp", "udp6", "tcp", "tcp6"):
+        with contextlib.suppress(OSError), open(f"/proc/net/{table}", encoding="ascii") as file:
+            for fields in map(str.split, file):
+                if fields[1].rpartition(":")[2] == wanted and fields[9] != "0":
+                    return fields[9]
+    return None
+
+
+def holds_socket(processes: Sequence[int], inode: str) -> bool:
+    """Return whether one of the processes has a socket open."""
+    for process in processes:
+        with contextlib.suppress(OSError):
+            for name in os.listdir(f"/proc/{process}/fd"):
+                with contextlib.suppress(OSError):
+                    if os.readlink(f"/proc/{process}/fd/{name}") == f"socket:[{inode}]":
+                        return True
+    return False
+
+
+def end_all(
+    find: Callable[[], list[int]],
+    seconds: float = 10.0,
+    *,
+    child: subprocess.Popen[bytes] | None = None,
+) -> bool:
     """Kill processes until there are none left.
 
     All are stopped first: so those that start others faster than they are found come to rest.
@@ -119,6 +203,8 @@ def end_all(find: Callable[[], list[int]], seconds: float = 10.0) -> bool:
     ----------
     find : callable
         Returns those that are there.
+    child : Popen, optional
+        The one that started them, for where they cannot be found.
     seconds : float
         How long to try.
 
@@ -127,6 +213,8 @@ def end_all(find: Callable[[], list[int]], seconds: float = 10.0) -> bool:
     bool
         Whether none is left.
     """
+    if MEASURES == "nothing":
+        return child is None or _end_tree(child, seconds)
     until = time.monotonic() + seconds
     while left := find():
         for number in (signal.SIGSTOP, signal.SIGKILL):
@@ -139,8 +227,20 @@ def end_all(find: Callable[[], list[int]], seconds: float = 10.0) -> bool:
     return True
 
 
-def limiter(*, seconds: float, memory: int, files: int, file_size: int) -> Callable[[], None]:
-    """Return what a child calls before it becomes the agent.
+def _end_tree(child: subprocess.Popen[bytes], seconds: float) -> bool:
+    """End a child with all below it whose parents still run."""
+    if child.poll() is None and (tool := shutil.which("taskkill")) is not None:
+        nothing = subprocess.DEVNULL
+        command = [tool, "/F", "/T", "/PID", str(child.pid)]
+        subprocess.run(command, stdin=nothing, stdout=nothing, stderr=nothing, check=False)
+    child.kill()
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        child.wait(seconds)
+    return child.poll() is not None
+
+
+def limiter(*, seconds: float, memory: int, files: int, file_size: int) -> Callable[[], None] | None:
+    """Return what a child calls before it becomes the agent; None where there are no such limits (Windows).
 
     Parameters
     ----------
@@ -154,7 +254,10 @@ def limiter(*, seconds: float, memory: int, files: int, file_size: int) -> Calla
     file_size : int
         Bytes.
     """
-    import resource
+    try:
+        import resource
+    except ImportError:
+        return None
 
     libc = ctypes.CDLL(None) if sys.platform == "linux" else None
     limits = [
@@ -172,6 +275,7 @@ def limiter(*, seconds: float, memory: int, files: int, file_size: int) -> Calla
         for kind, value in limits:
             _, hard = resource.getrlimit(kind)
             value = value if hard == resource.RLIM_INFINITY else min(value, hard)
-            resource.setrlimit(kind, (value, value))
+            with contextlib.suppress(ValueError, OSError):  # systems refuse what they do not hold anybody to
+                resource.setrlimit(kind, (value, value))
 
     return apply

@@ -1,0 +1,62 @@
+"""Whether messages come at the pace of real time, and for how long none has come."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+
+LOCKSTEP_VARIABLE = "CIBERRATO_LOCKSTEP"
+"""Set, it tells programs that the simulator is in lockstep, however slow others that it waits for are."""
+MISSED = 3
+"""Cycles without Measures after which motors are to stand."""
+_LOOKED_AT = 20
+"""Messages."""
+_LEAST = 4
+
+
+class Pace:
+    """Times messages.
+
+    A simulator in lockstep, or faster than real time, is known by its messages. It waits for the robot, not
+    the robot for it: then no clock is to have a say in what the robot does.
+
+    Parameters
+    ----------
+    cycle_time : float
+        Milliseconds, as announced.
+    """
+
+    def __init__(self, cycle_time: float) -> None:
+        self.seconds = cycle_time / 1000.0
+        """A cycle takes."""
+        self._lockstep = bool(os.environ.get(LOCKSTEP_VARIABLE))
+        self._heard: deque[tuple[float, int]] = deque(maxlen=_LOOKED_AT)
+
+    def heard(self, now: float, time: int) -> None:
+        """Note a message of a simulator that runs.
+
+        Parameters
+        ----------
+        now : float
+            Seconds.
+        time : int
+            Simulated cycles; less than before begins anew.
+        """
+        if self._heard and time < self._heard[-1][1]:
+            self._heard.clear()
+        if not self._heard or time > self._heard[-1][1]:
+            self._heard.append((now, time))
+
+    @property
+    def is_real_time(self) -> bool:
+        """Return whether cycles take about as long as announced; False before that is known."""
+        if self._lockstep or len(self._heard) < _LEAST:
+            return False
+        (first, begin), (last, end) = self._heard[0], self._heard[-1]
+        nominal = self.seconds * (end - begin)
+        return 0.5 * nominal <= last - first <= 2.0 * nominal
+
+    @property
+    def patience(self) -> float:
+        """Seconds without Measures after which motors are to stand; infinite where no clock counts."""
+        return MISSED * self.seconds if self.is_real_time else float("inf")

@@ -1,0 +1,8 @@
+"""What the program calls itself, and how it prints what others have written."""
+
+PROGRAM = "ciberrato-grade"
+
+
+def shown(name: str) -> str:
+    """Return a name without what a terminal would obey."""
+    return "".join(sign if sign.isprintable() else "?" for sign in name)

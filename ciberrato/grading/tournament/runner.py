@@ -1,0 +1,100 @@
+"""Does the runs of a tournament side by side, and keeps each as soon as it is done: a line of JSON a run."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TextIO
+
+from ciberrato.errors import LabError
+from ciberrato.grading.course import Course
+from ciberrato.grading.launch import RunError
+from ciberrato.grading.outcome import Outcome
+from ciberrato.grading.runner import open_runs, side_by_side
+from ciberrato.grading.tournament.launch import MatchLauncher
+from ciberrato.grading.tournament.matches import Match
+from ciberrato.progress import ProgressBar
+
+Parts = list[tuple[Outcome, dict[str, Any]]]
+
+
+def read_matches(path: Path) -> dict[str, Parts]:
+    """Read what was done.
+
+    Parameters
+    ----------
+    path : Path
+        A file that is not there holds nothing.
+
+    Returns
+    -------
+    dict
+        By the match's key outcome and measurements of each agent, in order of the start places.
+
+    Raises
+    ------
+    LabError
+        If a line other than the last is no run.
+    """
+    done: dict[str, Parts] = {}
+    if not path.exists():
+        return done
+    for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], 1):
+        try:
+            document = json.loads(line)
+            done[document["key"]] = [
+                (Outcome(**part["outcome"]), dict(part["measured"])) for part in document["agents"]
+            ]
+        except (ValueError, KeyError, TypeError) as error:
+            raise LabError(f"not a run: {error}; delete the line", source=str(path), line=number) from None
+    return done
+
+
+def play(
+    course: Course,
+    matches: Sequence[Match],
+    folder: Path,
+    *,
+    sandbox: str,
+    jobs: int,
+    progress: TextIO | None,
+) -> list[str]:
+    """Do the runs that are missing; parameters, result and errors as of `ciberrato.grading.runner.grade`."""
+    path, recordings = folder / "runs.jsonl", folder / "recordings"
+    file = open_runs(path, recordings)
+    done = read_matches(path)
+    missing = [match for match in matches if match.key not in done]
+    faults: list[str] = []
+    bar = ProgressBar(len(missing), progress)
+    with file, tempfile.TemporaryDirectory(prefix="ciberrato-grade-", ignore_cleanup_errors=True) as name:
+        launcher = MatchLauncher(course, sandbox, recordings, Path(name))
+
+        def keep(match: Match, future: Future[Parts]) -> None:
+            names = [agent.name for agent in match.agents]
+            try:
+                parts = future.result()
+            except RunError as error:
+                faults.append(f"{' against '.join(names)}, {match.lab.name}, seed {match.seed}: {error}")
+                return
+            document = {
+                "key": match.key,
+                "lab": match.lab.name,
+                "seed": match.seed,
+                "round": match.meeting.round,
+                "group": match.meeting.group,
+                "turn": match.meeting.turn,
+                "agents": [
+                    {"agent": agent, "outcome": asdict(outcome), "measured": measured}
+                    for agent, (outcome, measured) in zip(names, parts, strict=True)
+                ],
+            }
+            file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
+            bar.step()
+
+        side_by_side(missing, launcher.play, launcher.end, jobs, keep)
+    bar.close()
+    return faults

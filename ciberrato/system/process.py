@@ -1,0 +1,120 @@
+"""Processes: their terminal, processors, priority, programs, standard input and output."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+_OWN_GROUP: int | None = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", None)
+"""Windows' flag for a child that the terminal's Ctrl-C is not meant for; None elsewhere."""
+
+
+def apart() -> dict[str, Any]:
+    """Return the options of `subprocess.Popen` that keep the terminal's Ctrl-C from a child."""
+    return {"start_new_session": True} if _OWN_GROUP is None else {"creationflags": _OWN_GROUP}
+
+
+def interruptible() -> dict[str, Any]:
+    """Return the options of `subprocess.Popen` for a child that `interrupt` is going to be called for."""
+    return {} if _OWN_GROUP is None else {"creationflags": _OWN_GROUP}
+
+
+def interrupt(child: subprocess.Popen[Any]) -> None:
+    """Do to a child what Ctrl-C does: SIGINT, or on Windows Ctrl-Break, which can be sent to one process."""
+    child.send_signal(getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT))
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def give_way() -> None:
+    """Yield the processor to a process that waits for it."""
+    if hasattr(os, "sched_yield"):
+        os.sched_yield()
+    else:
+        time.sleep(0.0)
+
+
+def lower_priority() -> None:
+    """Let other processes come first, where a process can say so of itself."""
+    if hasattr(os, "nice"):
+        with contextlib.suppress(OSError):
+            os.nice(5)
+
+
+def runnable(command: Sequence[str], environment: Mapping[str, str]) -> list[str]:
+    """Return a command line that is looked for where its own environment says.
+
+    Windows looks for programs along the search path of the process that starts them, and has no ``python3``.
+
+    Parameters
+    ----------
+    command : sequence of str
+    environment : mapping of str to str
+        What it is going to be run with.
+    """
+    program, *rest = command
+    if _OWN_GROUP is None:
+        return [program, *rest]
+    if program in ("python", "python3"):
+        return [sys.executable, *rest]
+    return [shutil.which(program, path=environment.get("PATH")) or program, *rest]
+
+
+def system_variables() -> dict[str, str]:
+    """Return those environment variables without which no program starts: Windows has some."""
+    if _OWN_GROUP is None:
+        return {}
+    names = ("SYSTEMROOT", "SYSTEMDRIVE", "COMSPEC", "PATHEXT", "TEMP", "TMP")
+    return {name: os.environ[name] for name in names if name in os.environ}
+
+
+def when_input_ends(call: Callable[[], object]) -> None:
+    """Call a function, in a thread, when standard input ends; at once if it is closed.
+
+    It is how a child learns that its parent is no more. A thread, as Windows cannot wait for pipes.
+    """
+
+    def read() -> None:
+        with contextlib.suppress(OSError):
+            while os.read(0, 4096):
+                pass
+        call()
+
+    threading.Thread(target=read, name="standard input", daemon=True).start()
+
+
+def take_any_character(stream: object) -> None:
+    """Let a text stream write what its encoding lacks as an escape: a name in a lab is no reason to fail.
+
+    Standard output that is not a terminal has an encoding of 256 characters on Windows, and in a POSIX
+    locale.
+    """
+    if getattr(stream, "errors", None) == "strict" and hasattr(stream, "reconfigure"):
+        stream.reconfigure(errors="backslashreplace")
+
+
+def output_has_gone(error: OSError) -> bool:
+    """Return whether the reader of standard output has ended; what is still buffered is then dropped.
+
+    Writing fails then, on Windows by "invalid argument"; what is buffered must not complain at exit.
+    """
+    gone = isinstance(error, BrokenPipeError) or (
+        _OWN_GROUP is not None and error.errno == errno.EINVAL and error.filename is None
+    )
+    if gone:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return gone
