@@ -107,14 +107,19 @@ def take_any_character(stream: object) -> None:
         stream.reconfigure(errors="backslashreplace")
 
 
+def reader_has_gone(error: OSError) -> bool:
+    """Tell whether writing failed as what read a pipe has ended; Windows says "invalid argument" then."""
+    return isinstance(error, BrokenPipeError) or (
+        _OWN_GROUP is not None and error.errno == errno.EINVAL and error.filename is None
+    )
+
+
 def output_has_gone(error: OSError) -> bool:
     """Tell whether what read our standard output has ended; if so, what is still buffered is thrown away.
 
-    Writing fails then, on Windows by "invalid argument"; what is buffered must not complain at exit.
+    What is buffered must not complain at exit.
     """
-    gone = isinstance(error, BrokenPipeError) or (
-        _OWN_GROUP is not None and error.errno == errno.EINVAL and error.filename is None
-    )
+    gone = reader_has_gone(error)
     if gone:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return gone

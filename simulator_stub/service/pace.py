@@ -21,8 +21,8 @@ Measures.
 - While the simulator does not run (before Start, in a pause, after the end) cycles are also at least
   CycleTime / speed apart, lest a process spin. Robots are still waited for, so that the first running cycle
   finds their answers to all that came before, but not longer than `IDLE_LIMIT` (a fixed limit that has an end
-  counts instead), as some agents are silent until the start, and not while a client waits to be registered. When the automatic start is due the
-  cycle that starts comes as soon as all have answered.
+  counts instead), as some agents are silent until the start, and not while a client waits to be registered.
+  When the automatic start is due the cycle that starts comes as soon as all have answered.
 - With no robot to wait for, cycles keep the pace of real time.
 """
 
