@@ -112,13 +112,18 @@ def words_of(name):
     return yaml.safe_load(next(words for found, words in instructions() if found == name))
 
 
+def entry_here():
+    """The image's program, which listens on the container's networks: here, on the loopback only."""
+    entry = words_of("ENTRYPOINT")
+    assert entry == ["ciberrato-simulator", "--bind", "0.0.0.0"]
+    return [*entry[:-1], "127.0.0.1"]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not works_here(), reason="bubblewrap does not work here")
 def test_the_services_of_the_compose_file_find_each_other_without_rights(image):
     services = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]
-    entry = words_of("ENTRYPOINT")
-    assert entry == ["ciberrato-simulator"]
-    simulator = contained(image, *entry, *services["simulator"]["command"], "--port", "0")
+    simulator = contained(image, *entry_here(), *services["simulator"]["command"], "--port", "0")
     with running(simulator) as simulation:
         port = until(simulation, r"udp \S+:(\d+)")[1]
 
@@ -140,9 +145,7 @@ def test_the_services_of_the_compose_file_find_each_other_without_rights(image):
 @pytest.mark.slow
 @pytest.mark.skipif(not works_here(), reason="bubblewrap does not work here")
 def test_the_command_that_the_image_runs_by_itself(image):
-    words = contained(
-        image, *words_of("ENTRYPOINT"), *words_of("CMD"), "--port", "0", "--result", "result.json"
-    )
+    words = contained(image, *entry_here(), *words_of("CMD"), "--port", "0", "--result", "result.json")
     with running(words) as simulation:
         until(simulation, "listening on udp")
     assert (image / "runs" / "result.json").exists()
@@ -164,7 +167,7 @@ def test_the_image_is_slim_and_not_roots():
 def test_the_compose_file_holds_together():
     composed = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))
     known = {"image", "build", "init", "read_only", "tmpfs", "cap_drop", "security_opt", "entrypoint"}
-    known |= {"command", "ports", "volumes", "depends_on"}
+    known |= {"command", "environment", "ports", "volumes", "depends_on"}
     exposed = next(words for name, words in instructions() if name == "EXPOSE").split()
     for service in composed["services"].values():
         assert set(service) <= known
