@@ -1,6 +1,6 @@
 """The programs on this system, and on Windows and macOS as far as Linux can pretend to be them.
 
-What comes out elsewhere is compared with what comes out here, byte for byte.
+What comes out elsewhere is compared with what comes out here, less dates and measured times.
 """
 
 import json
