@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from typing import Any
 
 
@@ -47,7 +46,7 @@ def memory_is_limited() -> bool:
     return resource is not None and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
 
 
-def file_size_limiter(size: int) -> dict[str, Callable[[], None]]:
+def file_size_limiter(size: int) -> dict[str, Any]:
     """Return the options of `subprocess.Popen` that hold files which a child writes to a size in bytes."""
     resource = _resource()
     if resource is None:

