@@ -33,6 +33,20 @@ def interrupt(child: subprocess.Popen[Any]) -> None:
     child.send_signal(getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT))
 
 
+def ask_to_end(child: subprocess.Popen[Any]) -> None:
+    """Ask a child to end and write what it has: SIGTERM; on Windows, where that kills, `interrupt`.
+
+    There it has to be a child that is `interruptible` or `apart`, and is killed if there is no console.
+    """
+    if _OWN_GROUP is None:
+        child.terminate()
+        return
+    try:
+        interrupt(child)
+    except OSError:
+        child.kill()
+
+
 def processors() -> int:
     """Return how many processors this process may use."""
     if hasattr(os, "sched_getaffinity"):
