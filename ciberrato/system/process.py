@@ -55,7 +55,7 @@ def processors() -> int:
 
 
 def give_way() -> None:
-    """Let whoever waits for this processor have it for once."""
+    """Yield the processor to a process that waits for it."""
     if hasattr(os, "sched_yield"):
         os.sched_yield()
     else:
@@ -122,14 +122,14 @@ def take_any_character(stream: object) -> None:
 
 
 def reader_has_gone(error: OSError) -> bool:
-    """Tell whether writing failed as what read a pipe has ended; Windows says "invalid argument" then."""
+    """Return whether writing failed because the reader of a pipe has ended; Windows says "invalid argument" then."""
     return isinstance(error, BrokenPipeError) or (
         _OWN_GROUP is not None and error.errno == errno.EINVAL and error.filename is None
     )
 
 
 def output_has_gone(error: OSError) -> bool:
-    """Tell whether what read our standard output has ended; if so, what is still buffered is thrown away.
+    """Return whether the reader of standard output has ended; what is still buffered is then dropped.
 
     What is buffered must not complain at exit.
     """
