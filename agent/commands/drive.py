@@ -143,6 +143,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
         give_up_after=options.give_up_after,
         quiet=options.quiet,
         reconnect=options.reconnect,
+        lockstep=options.lockstep,
     )
 
 
@@ -215,7 +216,8 @@ def make_parser() -> OptionParser:
     add(
         "--lockstep",
         action="store_true",
-        help="with a simulator in lockstep: register when the tables are there, so that a seed gives one run",
+        help="with a simulator in lockstep: register when the tables are there and ask no clock, so that a "
+        "seed gives one run",
     )
     add("--exit-at-wall", action="store_true", help="end the run when a wall is ahead")
     add(

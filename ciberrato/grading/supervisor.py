@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ciberrato.system import descendants
-from ciberrato.system.process import runnable
+from ciberrato.system.process import ask_to_end, interruptible, runnable
 from ciberrato.system.streams import streams
 
 SUPERVISOR = "ciberrato.grading.supervisor"
@@ -109,6 +109,7 @@ class Run:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
+            **interruptible(),
         )
         self._watch(self._simulator.stdout, self._simulator_output.add)
         if not self._until(lambda: self._said(b"listening on udp"), 60.0):
@@ -236,7 +237,7 @@ class Run:
     def _end_everything(self) -> None:
         descendants.end_all(self._agents_processes, child=self._agent)
         if self._simulator is not None and self._simulator.poll() is None:
-            self._simulator.send_signal(signal.SIGTERM)
+            ask_to_end(self._simulator)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._simulator.wait(10.0)
             self._simulator.kill()

@@ -6,4 +6,4 @@ finds out what there is by looking for it, so that a system none of us has seen 
 
 from __future__ import annotations
 
-__all__ = ["descendants", "loops", "memory", "process", "signals", "sockets", "streams"]
+__all__ = ["descendants", "limits", "locks", "loops", "memory", "process", "signals", "sockets", "streams"]

@@ -13,7 +13,6 @@ import json
 import os
 import re
 import selectors
-import signal
 import subprocess
 import sys
 import time
@@ -26,6 +25,7 @@ from ciberrato.net import UdpLink
 from ciberrato.processes import module_command
 from ciberrato.protocol import Start, ViewRegistration, decode_simulator_message, encode
 from ciberrato.system import descendants
+from ciberrato.system.process import ask_to_end, interruptible
 
 KEEPER = "ciberrato.grading.tournament.keeper"
 _SAID = rb"^ciberrato-simulator: "
@@ -137,6 +137,7 @@ class Match:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
+            **interruptible(),
         )
         self._watch(self._simulator.stdout, self._output.add)
         self._seats = [
@@ -294,7 +295,7 @@ class Match:
         while not self._all_over() and time.monotonic() < until:
             self._look(LOOK)
         if self._simulator is not None and self._simulator.poll() is None:
-            self._simulator.send_signal(signal.SIGTERM)
+            ask_to_end(self._simulator)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._simulator.wait(10.0)
             self._simulator.kill()
