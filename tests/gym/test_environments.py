@@ -59,6 +59,18 @@ def test_make_imports_the_package_by_itself() -> None:
     assert done.stdout == "('maze',)\n"
 
 
+def test_gymnasium_loads_no_plugins() -> None:
+    """From 0.27 to 0.29 it did, by entry points in the group ``gymnasium.envs``; since 1.0 it does not.
+
+    If this fails it does again: declare ``ciberrato = "ciberrato.gym.registration:register_environments"``
+    there, and the manual need no longer tell anyone to import the package.
+    """
+    assert not hasattr(gymnasium.envs.registration, "load_plugin_envs")
+    program = "import gymnasium; gymnasium.make('ciberrato/Navigate-v0')"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert "NamespaceNotFound: Namespace ciberrato not found" in done.stderr
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_observations_stay_within_their_bounds(name: str) -> None:
     env = gymnasium.make(f"ciberrato/{name}-v0", time_limit=60, noise=(0.0, 3.0)).unwrapped
