@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -34,6 +35,7 @@ GRID = "3,3,0;7,3,0;11,3,0;15,3,0;19,3,0;23,3,0"
 AGENTS = 5
 PAGES = 5
 SIM_TIME = 1000
+MOST_RUNS = 1_000_000
 PERIOD = 0.050
 ANSWER = b'<Actions LeftMotor="%.2f" RightMotor="%.2f"/>'
 _TIME = re.compile(rb'<Measures Time="(\d+)')
@@ -67,7 +69,18 @@ class Seen:
     heard: list[dict[int, int]] = field(default_factory=list)
     frames: int = 0
     delays: str = ""
+    ended: bool = False
     samples: dict[str, list[tuple[int, int, int]]] = field(default_factory=dict)
+
+    def goes_on(self, run: int, end: float) -> bool:
+        """Return whether there is to be a run, the same for every agent: the first one that asks decides."""
+        if run == len(self.registered) and not self.ended:
+            self.ended = run >= 2 and time.monotonic() > end
+            if not self.ended:
+                self.registered.append(0)
+                self.left.append(set())
+                self.heard.append({})
+        return run < len(self.registered)
 
 
 class Agent(asyncio.DatagramProtocol):
@@ -131,10 +144,12 @@ async def join(port: int, position: int, *, tcp: bool) -> Agent | StreamAgent:
         await asyncio.sleep(0.02)
 
 
-async def take_part(port: int, position: int, runs: int, seen: Seen, speed: float) -> None:
+async def take_part(port: int, position: int, end: float, seen: Seen, speed: float) -> None:
     """Drive in every run, over UDP and TCP in turn; in one of four, leave before its end."""
     chance = random.Random(position)
-    for run in range(runs):
+    for run in itertools.count():
+        if not seen.goes_on(run, end):
+            return
         agent = await join(port, position, tcp=bool((run + position) % 2))
         seen.registered[run] += 1
         until = chance.randrange(SIM_TIME // 4, SIM_TIME) if chance.random() < 0.25 else None
@@ -220,19 +235,18 @@ def expect(process: subprocess.Popen[str], pattern: str) -> str:
 
 
 async def soak(seconds: float, speed: float, folder: Path) -> Seen:
-    """Let the agents take part in as many runs as fit, at `speed` times real time; check all files.
+    """Let the agents take part in run after run until time is up, `speed` times real time; check all files.
 
     Raises
     ------
     AssertionError
         If anything is not as it has to be.
     """
-    runs = max(2, int(seconds / (SIM_TIME * PERIOD / speed + 0.3)))
-    seen = Seen([0] * runs, [set() for _ in range(runs)], [], [{} for _ in range(runs)])
+    seen = Seen()
     parameters = folder / "parameters.xml"
     parameters.write_text(f'<Parameters SimTime="{SIM_TIME}" CycleTime="{PERIOD * 1000:.0f}"/>')
     words = ["simulator_stub", "--lab", "maze", "--grid", GRID, "--seed", "1", "--param", str(parameters)]
-    words += ["--speed", f"{speed:g}", "--runs", str(runs), "--autostart", str(AGENTS), "--port", "0"]
+    words += ["--speed", f"{speed:g}", "--runs", str(MOST_RUNS), "--autostart", str(AGENTS), "--port", "0"]
     words += ["--truth", str(folder / "truth.csv"), "--result", str(folder / "result.json")]
     with program(*words, errors=folder / "simulator.err") as simulator:
         port = int(expect(simulator, r"listening on udp .*:(\d+)"))
@@ -244,8 +258,12 @@ async def soak(seconds: float, speed: float, folder: Path) -> Seen:
                 for name, process in (("simulator", simulator), ("viewer", viewer))
             ]
             side += [asyncio.create_task(look_on(url, number, seen)) for number in range(PAGES)]
-            agents = [take_part(port, 1 + number, runs, seen, speed) for number in range(AGENTS)]
+            end = time.monotonic() + seconds
+            agents = [take_part(port, 1 + number, end, seen, speed) for number in range(AGENTS)]
             await asyncio.gather(*agents)
+            while len(json.loads((folder / "result.json").read_text())["runs"]) < len(seen.registered):
+                await asyncio.sleep(0.1)  # the last run goes on to its end, and so does its record
+            simulator.terminate()
             status = await asyncio.to_thread(simulator.wait, 60.0)
             failed = [task.exception() for task in side if task.done()]
             for task in side:
@@ -258,7 +276,7 @@ async def soak(seconds: float, speed: float, folder: Path) -> Seen:
         assert "Traceback" not in (folder / f"{name}.err").read_text()
     said = (folder / "simulator.err").read_text()
     seen.delays = next((line for line in said.splitlines() if "came late" in line), "no cycle came late")
-    check_files(folder, runs, seen)
+    check_files(folder, len(seen.registered), seen)
     return seen
 
 

@@ -5,8 +5,8 @@ As a program::
     python -m tests.chaos.starvation --runs 40 [--drive explore] [--lab maze corridors] [--speed 1]
 
 Each run is a simulator in real time and an agent with `nice`, both programs of their own, beside a process a
-core that does nothing but count. Prints, a run each: collisions, the most full turns within half a unit, poses
-said with more than 0.9 and how many of them were off by more than half a unit.
+core that does nothing but count. Prints, a run each: collisions, the most full turns within half a unit,
+poses said with more than 0.9 and how many of them were off by more than half a unit.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ class Outcome:
 
     def __str__(self) -> str:
         return (
-            f"{self.collisions:3d} collisions, {self.turns:.2f} turns, {self.wrong} of {self.sure} sure poses wrong, "
-            f"{self.missed} of {self.cycles} cycles not answered, {self.driven:.1f} units driven"
+            f"{self.collisions:3d} collisions, {self.turns:.2f} turns, "
+            f"{self.wrong} of {self.sure} sure poses wrong, {self.missed} of {self.cycles} cycles not answered, {self.driven:.1f} units driven"
         )
 
 
