@@ -53,6 +53,8 @@ chaos: $(VENV)/.stamp  ## bad networks, hostile clients, full disks: the part th
 chaos-long: $(VENV)/.stamp  ## all of that, and the table of faults, five tries each
 	$(BIN)/python -m pytest tests/chaos
 	$(BIN)/python -m tests.chaos.scenario --tries 5
+	$(BIN)/python -m tests.chaos.soak --minutes 20
+	$(BIN)/python -m tests.chaos.starvation --runs 100
 
 conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator: the tests', or GOLDEN=... LABS=...
 	$(BIN)/python -m benchmarks.conformance $(if $(GOLDEN),--golden '$(GOLDEN)') $(if $(LABS),--labs '$(LABS)')

@@ -130,9 +130,15 @@ class Session:
         self._lab = encode(simulation.lab_shown())
         self._grid = encode(simulation.world.grid)
 
-    def welcome(self, newcomer: Newcomer, data: bytes) -> None:
-        """Take a message of a client that has not registered; a registration is answered in a cycle."""
-        self._reception.welcome(newcomer, data)
+    def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
+        """Take a message of a client that has not registered; a registration is answered in a cycle.
+
+        Returns
+        -------
+        bool
+            False if it was evidently none, and has cost next to nothing.
+        """
+        return self._reception.welcome(newcomer, data)
 
     @property
     def views(self) -> list[ViewClient]:

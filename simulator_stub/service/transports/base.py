@@ -101,8 +101,9 @@ class Newcomer(ABC):
         """Let go of a client that does not register."""
 
 
-Welcome = Callable[[Newcomer, bytes], None]
-"""Called with each message that comes from an address that has not registered."""
+Welcome = Callable[[Newcomer, bytes], bool]
+"""Called with each message that comes from an address that has not registered; False for what is evidently no
+registration, and has cost next to nothing."""
 
 
 class Transport(ABC):
