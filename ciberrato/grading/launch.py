@@ -289,6 +289,7 @@ class Launcher:
             "agent": self._inside([_filled(word, values) for word in agent.command], agent, work),
             "environment": self._environment(extra),
             "work": None if self._kind == "bwrap" else str(work),
+            "files": str(work),
             "limits": asdict(self._course.limits),
             "overhead": self._overhead,
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import BinaryIO
 
 
 def lock(path: Path) -> int | None:
@@ -40,3 +41,28 @@ def is_anothers(path: Path) -> bool:
 def user_and_group() -> str | None:
     """Return this user's number and group as ``1000:1000``; None where there are none (Windows)."""
     return f"{os.getuid()}:{os.getgid()}" if hasattr(os, "getuid") else None
+
+
+def hold(file: BinaryIO) -> bool:
+    """Lock an open file until it is closed, or its process ends, however that comes about.
+
+    Parameters
+    ----------
+    file : binary file
+
+    Returns
+    -------
+    bool
+        False if another holds it; True also where the system or the disk knows no such locks.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -164,3 +164,14 @@ def test_a_grading_without_a_sandbox(elsewhere, here, tmp_path):
         lines[system.name] = graded["outcome"]
     assert lines[elsewhere.name] == lines["here"]
     assert lines["here"]["status"] == "time over"
+
+
+def test_a_tournament_says_that_it_needs_linux(elsewhere, tmp_path):
+    (tmp_path / "course.toml").write_text(COURSE.replace("course/agents", "agents"), encoding="utf-8")
+    (tmp_path / "agents" / "follower").mkdir(parents=True)
+    words = (program("grade"), "course.toml", "--tournament", "--output", "out")
+    said = elsewhere.run(tmp_path, *words, status=2)
+    assert said.splitlines() == [
+        "ciberrato-grade: --tournament: needs Linux, whose /proc tells which agent has registered a robot"
+    ]
+    assert not (tmp_path / "out").exists()

@@ -81,12 +81,13 @@ ROWS = (
         "stop-start",
         f"{STOPPED} cycles before Start, {CYCLES} running, Stop for {STOPPED}, Start, {2 * CYCLES} running",
         "it answers every running cycle, and drives again after the pause if it drove before",
-        'look at Start and Stop in <Buttons>: wait while Stop="On" (time stands still), and go on after it',
+        'look at Start and Stop in <Buttons>: wait while Stop="On" (time stands still), and go on after it; '
+        "if it had come to where it wants to stand, choose a longer way by --lab",
     ),
     Row(
         "lost",
         f"after {CYCLES} cycles every third Measures is lost, then ten in a row; then {CYCLES} cycles",
-        "it answers whatever arrives",
+        "it answers whatever arrives; only the first after the ten it may leave to the next",
         "do not take for granted that Time grows by 1: use the difference to the last one",
     ),
     Row(
