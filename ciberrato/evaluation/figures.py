@@ -12,6 +12,7 @@ import numpy as np
 from ciberrato.evaluation.attempt import Result
 from ciberrato.evaluation.report import group_by, times_to_localize
 from ciberrato.evaluation.task import TRUTH_PERIOD
+from ciberrato.plaintext import plain
 
 # By Okabe and Ito, to be told apart by the colour-blind; with line styles, to be told apart in print.
 _STYLES = (
@@ -80,7 +81,7 @@ def draw_figures(results: Sequence[Result], fields: Sequence[str], folder: Path)
             for line, group in groups.items():
                 colour, dashes, marker = _STYLES[lines.index(line) % len(_STYLES)]
                 wanted.draw(axes, line, group, {"color": colour, "linestyle": dashes, "marker": marker})
-            axes.set_title(name, fontsize="medium")
+            axes.set_title(plain(name, 40).replace("$", r"\$"), fontsize="medium")
             axes.grid(alpha=0.3)
         for number, axes in enumerate(grid.flat):
             axes.set_visible(number < len(panels))
