@@ -102,7 +102,8 @@ def parse_tree(data: bytes, source: str, what: str) -> etree._Element:
     declared = root.getroottree().docinfo.internalDTD
     if declared is not None and list(declared.iterentities()):  # type: ignore[attr-defined]
         raise _entities(data, source, what)
-    if root.getroottree().docinfo.system_url is not None or root.getroottree().docinfo.public_id is not None:  # type: ignore[attr-defined]
+    document: Any = root.getroottree().docinfo
+    if document.system_url is not None or document.public_id is not None:
         problem = f"has a DOCTYPE that names another document, which {what} file must not; remove it"
         raise LabError(problem, source=source, line=_line_of(data, b"<!DOCTYPE"))
     return root
