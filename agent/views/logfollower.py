@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agent.offline.simulator_log import replay_of
 from ciberrato.errors import LabError
-from ciberrato.files.run_log import parse_cycle, parse_header, without_readings
+from ciberrato.files.run_log import SALVAGE_HINT, parse_cycle, parse_header, without_readings
 from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
 from ciberrato.world.coordinates import PoseInDegrees, SensorAngles
 
@@ -76,7 +76,7 @@ class LogFollower:
             except LabError as error:
                 if self._salvage is None:
                     raise
-                self._salvage(f"{error}; the line is left out")
+                self._salvage(f"{str(error).removesuffix(SALVAGE_HINT)}; the line is left out")
         return bool(lines)
 
     def _add(self, cycle: Cycle) -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FORMAT = "ciberrato-run"
 _TOLD = 5
-_SALVAGE = "; --salvage reads what there is"
+SALVAGE_HINT = "; --salvage reads what there is"
 
 
 class RunWriter:
@@ -145,14 +145,14 @@ def read_run(path: Path, *, salvage: Callable[[str], None] | None = None) -> Rec
             cycle = parse_cycle(line, source, number)
             late = cycle.step is not None and cycle.step < due
             if late or (cycle.step is not None and cycle.step > due and salvage is None):
-                problem = f"step {cycle.step} where step {due} was due{_SALVAGE}"
+                problem = f"step {cycle.step} where step {due} was due{SALVAGE_HINT}"
                 raise LabError(problem, source=source, line=number)
         except LabError as error:
             if salvage is None:
                 raise
             torn += 1
             if torn <= _TOLD:
-                salvage(f"{str(error).removesuffix(_SALVAGE)}; the line is left out")
+                salvage(f"{str(error).removesuffix(SALVAGE_HINT)}; the line is left out")
             continue
         if cycle.step is not None:
             if cycle.step > due and salvage is not None:
@@ -190,7 +190,7 @@ def _read_object(line: bytes, source: str, number: int) -> dict[str, Any]:
     try:
         document = json.loads(line, parse_constant=_refuse)
     except ValueError as error:
-        raise LabError(f"not a line of JSON: {error}{_SALVAGE}", source=source, line=number) from error
+        raise LabError(f"not a line of JSON: {error}{SALVAGE_HINT}", source=source, line=number) from error
     except RecursionError as error:
         raise LabError("JSON nested too deeply", source=source, line=number) from error
     if not isinstance(document, dict):

@@ -102,7 +102,7 @@ def _draw(options: argparse.Namespace) -> int:
 
 def _new(options: argparse.Namespace) -> int:
     from ciberrato.files.atomic import replace_file
-    from ciberrato.labtool.making import Order, empty_lab, random_lab
+    from ciberrato.labtool.making import MOST_RANDOM_CELLS, Order, empty_lab, random_lab
 
     output = options.output if options.output is not None else ("random" if options.random else "empty")
     if not Path(output).name:
@@ -127,7 +127,7 @@ def _new(options: argparse.Namespace) -> int:
         targets=options.targets,
         symmetric=options.symmetric,
     )
-    if options.random and rows * columns > 400:
+    if options.random and 400 < rows * columns <= MOST_RANDOM_CELLS:
         print(f"{PROGRAM}: {columns * rows} cells may take a minute", file=sys.stderr)
     made = random_lab(order, _seed(options)) if options.random else empty_lab(order)
     for path, text in zip(paths, (made.lab_xml, made.grid_xml), strict=True):

@@ -104,6 +104,8 @@ def _fuzz(name: str, folder: str, seconds: int) -> None:
         tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as files,
     ):
         take = reader(name, Path(files))
+        for data in seeds(name):  # what is imported late is not part of the first input's time
+            take(data)
         options = [
             f"-max_total_time={seconds}",
             f"-max_len={MOST_BYTES}",
