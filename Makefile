@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup locked lock demo examples docs test quick lint chaos chaos-long conformance accuracy bench figures release clean
+.PHONY: help setup locked lock demo examples docs test quick lint chaos chaos-long fuzz conformance accuracy bench figures release clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -55,6 +55,10 @@ chaos-long: $(VENV)/.stamp  ## all of that, and the table of faults, five tries 
 	$(BIN)/python -m tests.chaos.scenario --tries 5
 	$(BIN)/python -m tests.chaos.soak --minutes 20
 	$(BIN)/python -m tests.chaos.starvation --runs 100
+
+fuzz: $(VENV)/.stamp  ## coverage-guided fuzzing of all readers, 10 minutes each, or SECONDS=..., READERS="lab overlay"
+	$(BIN)/python -m pip install --quiet 'atheris>=3.0'
+	$(BIN)/python -m tests.chaos.fuzz $(READERS) $(if $(SECONDS),--seconds $(SECONDS))
 
 conformance: $(VENV)/.stamp  ## compare with recordings of the real simulator: the tests', or GOLDEN=... LABS=...
 	$(BIN)/python -m benchmarks.conformance $(if $(GOLDEN),--golden '$(GOLDEN)') $(if $(LABS),--labs '$(LABS)')

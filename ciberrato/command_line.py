@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import IO, Any, NoReturn
 
 from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.plaintext import plain
 from ciberrato.system.limits import allow_descriptors, memory_is_limited
 from ciberrato.system.process import reader_has_gone, take_any_character
 from ciberrato.version import __version__
@@ -181,8 +182,8 @@ def used_up(error: BaseException) -> str | None:
 
 
 def _tell(program: str, message: str) -> None:
-    for line in message.splitlines():
-        print(f"{program}: {line}", file=sys.stderr)
+    for line in message.split("\n"):
+        print(f"{program}: {plain(line)}", file=sys.stderr)
 
 
 def _open_streams() -> None:

@@ -11,6 +11,7 @@ from ciberrato import plot
 from ciberrato.evaluation.attempt import Result
 from ciberrato.evaluation.report import group_by, times_to_localize
 from ciberrato.evaluation.task import TRUTH_PERIOD
+from ciberrato.plaintext import plain
 
 _MOST_COLUMNS = 4
 _MOST_PANELS = 16
@@ -67,7 +68,7 @@ def draw_figures(results: Sequence[Result], fields: Sequence[str], folder: Path)
         for axes, (name, groups) in zip(grid.flat, panels.items(), strict=False):
             for line, group in groups.items():
                 wanted.draw(axes, line, group, lines.index(line))
-            axes.set_title(name, fontsize="medium")
+            axes.set_title(plain(name, 40).replace("$", r"\$"), fontsize="medium")
             axes.grid(alpha=0.3)
         for number, axes in enumerate(grid.flat):
             axes.set_visible(number < len(panels))

@@ -22,6 +22,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from ciberrato.errors import ProtocolError
+from ciberrato.plaintext import plain
 from ciberrato.protocol import (
     GridRequest,
     LabRequest,
@@ -293,7 +294,7 @@ class Session:
         self.robots[robot_id] = RobotClient(robot_id, peer)
         self.robots = dict(sorted(self.robots.items()))
         peer.send(self._reply)
-        self._notify(f"robot {robot_id}, {registration.name!r}, registered from {peer.label}")
+        self._notify(f"robot {robot_id}, {plain(registration.name, 40)!r}, registered from {peer.label}")
 
     def _tell_of_start(self) -> None:
         """Say once what a robot that is there waits for."""

@@ -24,7 +24,7 @@ LIBRARY = {
     "errors": set(),
     "system": {"reprs"},
     "arrays": set(),
-    "command_line": {"errors", "system", "version"},
+    "command_line": {"errors", "plaintext", "system", "version"},
     "processes": set(),
     "progress": set(),
     "plaintext": set(),
