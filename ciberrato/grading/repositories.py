@@ -196,4 +196,4 @@ def _git(words: Sequence[str], extra: dict[str, str], what: str = "git") -> str:
         lines = [line for line in complaint.decode("utf-8", "replace").splitlines() if line.strip()]
         faults = [line for line in lines if line.startswith(("fatal:", "error:"))]
         raise UsageError(f"{what}: {re.sub(r'^(fatal|error): ', '', [*faults, *lines, 'git failed'][0])}")
-    return output.decode("utf-8", "replace")
+    return str(output.decode("utf-8", "replace"))

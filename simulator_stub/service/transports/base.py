@@ -38,7 +38,7 @@ class Peer(ABC):
     """Whether `closed` tells when the client has gone."""
 
     def __init__(self, label: str) -> None:
-        self.deliver: Callable[[bytes], None] = ignore
+        self.deliver: Callable[[bytes], object] = ignore
         self.label = label
         self.closed = False
         self.ends: Ends | None = None
