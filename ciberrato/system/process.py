@@ -122,7 +122,7 @@ def take_any_character(stream: object) -> None:
 
 
 def reader_has_gone(error: OSError) -> bool:
-    """Return whether writing failed as the reader of a pipe has ended; Windows says "invalid argument"."""
+    """Return whether writing failed as the reader of a pipe has ended: "invalid argument" on Windows."""
     return isinstance(error, BrokenPipeError) or (
         _OWN_GROUP is not None and error.errno == errno.EINVAL and error.filename is None
     )
