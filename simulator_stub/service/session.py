@@ -294,7 +294,8 @@ class Session:
         self.robots[robot_id] = RobotClient(robot_id, peer)
         self.robots = dict(sorted(self.robots.items()))
         peer.send(self._reply)
-        self._notify(f"robot {robot_id}, {plain(registration.name, 40)!r}, registered from {peer.label}")
+        name = registration.name and plain(registration.name, 40)
+        self._notify(f"robot {robot_id}, {name!r}, registered from {peer.label}")
 
     def _tell_of_start(self) -> None:
         """Say once what a robot that is there waits for."""
