@@ -7,7 +7,9 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
+
+    from ciberrato.files.findings import Finding
 
 
 class CiberratoError(Exception):
@@ -29,14 +31,19 @@ class LabError(CiberratoError):
         The file's name, as the user gave it.
     line : int or None
         The line in the file, counted from 1.
+    findings : sequence of Finding
+        All that was found in the file, this and other errors among them; empty where the reading ended here.
     """
 
-    def __init__(self, problem: str, *, source: str = "", line: int | None = None) -> None:
+    def __init__(
+        self, problem: str, *, source: str = "", line: int | None = None, findings: Sequence[Finding] = ()
+    ) -> None:
         place = ":".join(str(part) for part in (source or None, line) if part is not None)
         super().__init__(f"{place}: {problem}" if place else problem)
         self.problem = problem
         self.source = source
         self.line = line
+        self.findings = tuple(findings)
 
 
 class UsageError(CiberratoError):

@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 
+from ciberrato.plaintext import plain
 from ciberrato.system.signals import ENDING
 
 TYPE_CHECKING = False
@@ -97,7 +98,7 @@ def _serve(server: Server, notify: Callable[[str], None], warn: Callable[[str], 
 
 
 def _print_line(line: str) -> None:
-    print(line, flush=True)
+    print(plain(line), flush=True)
 
 
 def _notifier(*, quiet: bool) -> Callable[[str], None]:
@@ -105,6 +106,6 @@ def _notifier(*, quiet: bool) -> Callable[[str], None]:
 
     def notify(line: str) -> None:
         if not quiet:
-            print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
+            print(f"{PROGRAM}: {plain(line)}", file=sys.stderr, flush=True)
 
     return notify

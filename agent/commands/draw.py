@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING
 
 from agent.commands import option_types
 from agent.commands.files import check_size, read_lab_file
-from agent.commands.parser import OptionParser
-from agent.run.reporter import PROGRAM
+from agent.commands.parser import OptionParser, add_salvage
+from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 from ciberrato.geometry.angles import short_turn
 from ciberrato.world.lab import CELL_SIZE
 
 if TYPE_CHECKING:
     from agent.run.signals import Interrupts
+    from ciberrato.files.run_records import RecordedRun
     from ciberrato.world.coordinates import Cell
     from ciberrato.world.lab import Lab
 
@@ -51,6 +52,7 @@ def make_parser() -> OptionParser:
     add("--beliefs", type=Path, metavar="FILE", help="belief file, localization.out")
     add("--run", type=Path, metavar="FILE", help="the run's log, run.jsonl")
     add("--truth", type=Path, metavar="FILE", help="the simulator's true poses, CSV")
+    add_salvage(parser)
     add("--every-step", action="store_true", help="beliefs: cut no tail of certain steps")
     return parser
 
@@ -108,10 +110,9 @@ def _draw_errors(options: argparse.Namespace, lab: Lab) -> None:
     import numpy as np
 
     from agent.views.figures.curves import pose_error_curves
-    from ciberrato.files.run_log import read_run
     from ciberrato.files.truth import read_truth
 
-    run, poses = read_run(_needed(options, "run")), read_truth(_needed(options, "truth"))
+    run, poses = _read_run(options, _needed(options, "run")), read_truth(_needed(options, "truth"))
     cycles = [cycle for cycle in run.cycles if cycle.time in poses]
     if any(cycle.displacement is None for cycle in cycles):
         raise UsageError(f"{options.run} has no dead reckoning: only the drive to the right logs it")
@@ -138,6 +139,12 @@ _DRAWINGS: dict[str, Callable[[argparse.Namespace, Lab], None]] = {
 }
 
 
+def _read_run(options: argparse.Namespace, path: Path) -> RecordedRun:
+    from ciberrato.files.run_log import read_run
+
+    return read_run(path, salvage=Reporter().warn if options.salvage else None)
+
+
 def _needed(options: argparse.Namespace, name: str) -> Path:
     path = getattr(options, name)
     if not isinstance(path, Path):
@@ -149,12 +156,11 @@ def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] |
     """Look up the true cell of each block; the log tells at which cycle each step was."""
     if options.truth is None:
         return None
-    from ciberrato.files.run_log import read_run
     from ciberrato.files.truth import read_truth, true_cells
 
     if options.run is None:
         raise UsageError("--truth needs --run, too: the log tells at which cycle each step was")
-    steps = read_run(options.run).steps
+    steps = _read_run(options, options.run).steps
     if len(steps) + 1 != blocks:
         raise UsageError(f"{options.run} has {len(steps)} steps, the belief file {blocks - 1}")
     return [None, *true_cells(read_truth(options.truth), [step.time for step in steps])]

@@ -41,13 +41,11 @@ def read_lab_file(name_or_path: str, *, strict: bool = False) -> tuple[Lab, Path
     from ciberrato.checks.telling import tell
     from ciberrato.checks.things import thing_findings
     from ciberrato.files.lab import parse_lab_file
+    from ciberrato.files.xml import read_file
     from ciberrato.labs import find_lab
 
     path = find_lab(name_or_path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+    data = read_file(path)
     file = parse_lab_file(data, str(path))
     tell([*file.findings, *thing_findings(file)], Reporter().warn, strict=strict)
     return file.lab, path, data

@@ -19,6 +19,7 @@ from agent.commands.parser import (
 )
 from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
+from ciberrato.plaintext import plain
 
 if TYPE_CHECKING:
     from agent.run.signals import Interrupts
@@ -90,11 +91,12 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     if options.map is None and is_simulator_log(options.run):
         # The lab is that of the simulator's own log: the drive is not what the method is for.
         Reporter().warn(
-            f"the readings do not fit a robot that drives to the right alone in {lab.name}: what is said of "
-            "its cells is worth nothing where it drove otherwise, or others were in view"
+            f"the readings do not fit a robot that drives to the right alone in "
+            f"{plain(lab.name, 40)}: what is said of its cells is worth nothing where it drove otherwise, "
+            "or others were in view"
         )
         return 0
-    Reporter().warn(wrong_map(lab.name))
+    Reporter().warn(wrong_map(plain(lab.name, 40)))
     return WRONG_MAP
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import sys
 
+from ciberrato.plaintext import plain
+
 PROGRAM = "ciberrato-agent"
 
 
@@ -39,4 +41,4 @@ class Reporter:
     def _print(self, line: str) -> None:
         # The terminal may be gone, or the reader of the pipe; the run and its file matter more.
         with contextlib.suppress(OSError, ValueError):
-            print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
+            print(f"{PROGRAM}: {plain(line)}", file=sys.stderr, flush=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agent.offline.simulator_log import replay_of
 from ciberrato.errors import LabError
-from ciberrato.files.run_log import parse_cycle, parse_header
+from ciberrato.files.run_log import SALVAGE_HINT, parse_cycle, parse_header, without_readings
 from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
 from ciberrato.world.coordinates import PoseInDegrees, SensorAngles
 
@@ -23,13 +23,16 @@ class LogFollower:
     Parameters
     ----------
     path : Path
+    salvage : callable, optional
+        Told of every line that cannot be read, which is then left out; without it they are errors.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, *, salvage: Callable[[str], None] | None = None) -> None:
+        self._path, self._salvage = path, salvage
         self._offset = 0
         self._rest = b""
         self._lines = 0
+        self._due = 0
         self.header: RunHeader | None = None
         self.cycles: list[Cycle] = []
 
@@ -67,13 +70,31 @@ class LogFollower:
             self._lines += 1
             if self.header is None:
                 self.header = parse_header(line, str(self._path))
-            else:
-                self.cycles.append(parse_cycle(line, str(self._path), self._lines))
+                continue
+            try:
+                self._add(parse_cycle(line, str(self._path), self._lines))
+            except LabError as error:
+                if self._salvage is None:
+                    raise
+                self._salvage(f"{str(error).removesuffix(SALVAGE_HINT)}; the line is left out")
         return bool(lines)
+
+    def _add(self, cycle: Cycle) -> None:
+        """Add a cycle; where lines are missing, steps without readings for theirs, as `read_run` does."""
+        if cycle.step is not None and self._salvage is not None:
+            if cycle.step < self._due:
+                problem = f"step {cycle.step} where step {self._due} was due"
+                raise LabError(problem, source=str(self._path), line=self._lines)
+            if cycle.step > self._due:
+                where = f"{self._path}:{self._lines}"
+                self._salvage(f"{where}: steps {self._due} to {cycle.step - 1} are missing")
+                self.cycles += without_readings(cycle, range(self._due, cycle.step))
+            self._due = cycle.step + 1
+        self.cycles.append(cycle)
 
     def _begin_again(self) -> None:
         """Forget everything: another run has begun to write the file."""
-        self._offset, self._rest, self._lines = 0, b"", 0
+        self._offset, self._rest, self._lines, self._due = 0, b"", 0, 0
         self.header, self.cycles = None, []
 
 
@@ -147,7 +168,7 @@ Follower = LogFollower | SimulatorLogFollower
 
 
 def follow(
-    path: Path | SimulatorLogFollower,
+    path: Path | Follower,
     *,
     interval: float,
     ended: Callable[[], bool] = lambda: False,
@@ -157,8 +178,8 @@ def follow(
 
     Parameters
     ----------
-    path : Path or SimulatorLogFollower
-        An agent's log, which need not exist yet, or one of a simulator that is followed already.
+    path : Path, LogFollower or SimulatorLogFollower
+        An agent's log, which need not exist yet, or what follows one already.
     interval : float
         Seconds between looks.
     ended : callable

@@ -11,7 +11,7 @@ import numpy as np
 from agent.offline.localization import expected_readings_of, localize_run
 from agent.offline.summary import peak
 from agent.offline.track import estimated_track
-from agent.views.logfollower import follow
+from agent.views.logfollower import Follower, follow
 from ciberrato.arrays import Floats
 from ciberrato.files.run_records import Cycle, RecordedRun
 from ciberrato.net.overlay import OverlayClient
@@ -30,7 +30,7 @@ _POSE_TTL = 1.0
 
 
 def show_overlays(
-    path: Path,
+    path: Path | Follower,
     lab: Lab,
     client: OverlayClient,
     *,
@@ -41,7 +41,7 @@ def show_overlays(
 
     Parameters
     ----------
-    path : Path
+    path : Path or LogFollower
         The agent's log; it need not exist yet.
     lab : Lab
         Of the run.

@@ -35,7 +35,7 @@ _MOST_NAME = 24
 
 
 def watch(
-    path: Path | SimulatorLogFollower,
+    path: Path | Follower,
     lab: Lab,
     *,
     out: TextIO | None = None,
@@ -48,7 +48,7 @@ def watch(
 
     Parameters
     ----------
-    path : Path or SimulatorLogFollower
+    path : Path, LogFollower or SimulatorLogFollower
         The agent's log, which need not exist yet; or a simulator's.
     lab : Lab
         Of the run.

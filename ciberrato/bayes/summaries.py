@@ -116,8 +116,9 @@ def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: flo
         equal_to.append(neighbour[same])
         greater = exists & (value > best)
         best, target = np.where(greater, value, best), np.where(greater, neighbour, target)
-    pairs = (np.concatenate(equal_from), np.concatenate(equal_to))
-    flats, flat = connected_components(coo_array((np.ones(len(pairs[0])), pairs), shape=(belief.size,) * 2))
+    # The graph routines of scipy 1.11 take no other integers.
+    ends = tuple(np.concatenate(end).astype(np.int32) for end in (equal_from, equal_to))
+    flats, flat = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(belief.size,) * 2))
     # Each flat goes where the steepest of its cells goes; lexsort puts that cell first.
     order = np.lexsort((index.ravel(), -best.ravel(), flat))
     steepest = order[np.searchsorted(flat[order], np.arange(flats))]

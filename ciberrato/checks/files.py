@@ -122,7 +122,7 @@ def _check_alone(data: bytes, source: str) -> Checked:
         found = Finding(
             severity="error", kind="unusable", source=source, line=error.line, found=error.problem
         )
-        return Checked(source=source, kind=kind, contents=None, findings=(found,))
+        return Checked(source=source, kind=kind, contents=None, findings=error.findings or (found,))
     return Checked(source=source, kind=kind, contents=contents, findings=known)
 
 

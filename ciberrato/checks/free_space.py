@@ -16,6 +16,9 @@ from ciberrato.world.lab import Lab
 MOST_NODES = 400_000
 """Of the lattice: a lab of 126 x 126 units and more is not looked at."""
 
+MOST_DISTANCES = 2 * 10**9
+"""Of nodes to faces: where there are more, the lab is not looked at either."""
+
 _STEPS = (0.1, 0.2)
 _FINE_NODES = 10_000
 
@@ -105,6 +108,8 @@ def free_space(lab: Lab) -> FreeSpace | None:
         return None
     walls = WallMap.from_lab(solid(lab))
     columns, rows = max(math.ceil(lab.width / step), 1), max(math.ceil(lab.height / step), 1)
+    if columns * rows * walls.length.size > MOST_DISTANCES:
+        return None
     x, y = np.meshgrid((np.arange(columns) + 0.5) * step, (np.arange(rows) + 0.5) * step)
     clearance = walls.distance(x, y)
     clearance[blocked(walls, x, y)] = 0.0

@@ -140,11 +140,13 @@ def _find(localize: Lab | str | Path | None) -> tuple[Lab | None, str, bytes]:
     if localize is None:
         return None, "", b""
     if isinstance(localize, str | Path):
-        from ciberrato.files.lab import read_lab
+        from ciberrato.files.lab import parse_lab
+        from ciberrato.files.xml import read_file
         from ciberrato.labs import find_lab
 
         path = find_lab(localize)
-        return read_lab(path), path.name, path.read_bytes()
+        data = read_file(path)
+        return parse_lab(data, str(path)), path.name, data
     if not isinstance(localize, Lab):
         raise UsageError(f"localize {localize!r} is neither a lab nor the name of one")
     return localize, "", b""

@@ -9,6 +9,8 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from ciberrato.plaintext import plain
+
 # Small products on several threads cost a hundred times what they save; before numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -219,4 +221,4 @@ def _tell(
         findings += parse_grid_file(read_file(grid), grid).findings
     for path in dict.fromkeys(str(find_parameters(name)) for name in parameters):
         findings += parse_parameter_file(read_file(path), path).findings
-    tell(findings, lambda line: print(f"{PROGRAM}: {line}", file=sys.stderr), strict=options.strict)
+    tell(findings, lambda line: print(f"{PROGRAM}: {plain(line)}", file=sys.stderr), strict=options.strict)

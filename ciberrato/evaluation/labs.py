@@ -69,9 +69,9 @@ def public_labs(folder: Path) -> list[PublicLab]:
             if lab is None or _walls(lab) in seen:
                 continue
             seen.add(_walls(lab))
-            grids = [grid for grid in files if b"<Grid" in grid.read_bytes()]
+            grids = [grid for grid in files if _holds(grid, b"<Grid")]
             name = path.stem if group == folder else f"{group.name}/{path.stem}"
-            found.append(PublicLab(name, path, grids[0] if grids else None, b"<Row" in path.read_bytes()))
+            found.append(PublicLab(name, path, grids[0] if grids else None, _holds(path, b"<Row")))
             break
     return found
 
@@ -111,9 +111,9 @@ def lab_in(folder: Path, name: str) -> PublicLab | None:
 
 
 def _public_lab(path: Path, folder: Path) -> PublicLab:
-    grids = [beside for beside in sorted(path.parent.glob("*.xml")) if b"<Grid" in beside.read_bytes()]
+    grids = [beside for beside in sorted(path.parent.glob("*.xml")) if _holds(beside, b"<Grid")]
     name = path.relative_to(folder).with_suffix("").as_posix()
-    return PublicLab(name, path, grids[0] if grids else None, b"<Row" in path.read_bytes())
+    return PublicLab(name, path, grids[0] if grids else None, _holds(path, b"<Row"))
 
 
 def start_grid(lab: PublicLab) -> StartGrid:
@@ -130,7 +130,7 @@ def start_grid(lab: PublicLab) -> StartGrid:
 
 
 def _walled(path: Path) -> Lab | None:
-    if b"<Lab" not in path.read_bytes()[:4000]:
+    if not _holds(path, b"<Lab", 4000):
         return None
     try:
         lab = read_lab(path)
@@ -141,3 +141,8 @@ def _walled(path: Path) -> Lab | None:
 
 def _walls(lab: Lab) -> object:
     return lab.width, lab.height, frozenset(wall.corners for wall in lab.walls if wall.height > 0.0)
+
+
+def _holds(path: Path, mark: bytes, within: int | None = None) -> bool:
+    """Return whether a file, and not a pipe or a device, has some bytes in it."""
+    return path.is_file() and mark in path.read_bytes()[:within]

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from ciberrato.evaluation.attempt import Result
 from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, Outcome
+from ciberrato.plaintext import plain
 
 WIDTH = 100
+_MOST_NAME = 40
 """Characters of a table's lines."""
 SMALL_ROOM = 12.0
 """Units squared: who starts in a closed room no larger may never learn which of its like it is."""
@@ -65,9 +67,9 @@ def group_by(results: Sequence[Result], *fields: str) -> dict[tuple[str, ...], l
 def _short(value: Any, field: str) -> str:
     if field == "lab" and "/" in str(value):
         path = Path(str(value))
-        return f"{path.parent.name}/{path.stem}"
+        return plain(f"{path.parent.name}/{path.stem}", _MOST_NAME)
     if field == "parameters":
-        return Path(str(value)).stem.removesuffix("_params")
+        return plain(Path(str(value)).stem.removesuffix("_params"), _MOST_NAME)
     if isinstance(value, bool):
         return field if value else f"no {field}"
     if field == "prior":

@@ -92,7 +92,8 @@ def _rooms(lattice: Lattice) -> NDArray[np.int64]:
         beside = lattice.neighbours(dx, dy)[: lattice.size]
         joined = free[squares] & free[beside]
         pairs.append((squares[joined], beside[joined]))
-    one, other = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    # The graph routines of scipy 1.11 take no other integers.
+    one, other = (np.concatenate(side).astype(np.int32) for side in zip(*pairs, strict=True))
     graph = coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(lattice.size, lattice.size))
     _, labels = connected_components(graph, directed=False)
     return np.where(free[: lattice.size], labels, -1)

@@ -6,6 +6,7 @@ top row first; this module is the one place where the two meet.
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Iterator
@@ -17,7 +18,8 @@ import numpy as np
 from ciberrato.arrays import Floats
 from ciberrato.errors import LabError
 from ciberrato.files.atomic import replace_file
-from ciberrato.reprs import short_repr
+from ciberrato.files.opening import open_patiently
+from ciberrato.reprs import html_repr, short_repr
 
 MIN_PRECISION, MAX_PRECISION = 2, 17
 _VALUE = re.compile(r"\S+")
@@ -39,6 +41,7 @@ class BeliefRun:
     """
 
     __repr__ = short_repr
+    _repr_html_ = html_repr
 
     beliefs: Floats
     first_line: int
@@ -127,7 +130,8 @@ def read_beliefs(path: str | os.PathLike[str]) -> tuple[BeliefRun, ...]:
     """
     source = os.fspath(path)
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        with io.TextIOWrapper(open_patiently(Path(path)), encoding="utf-8") as file:
+            text = file.read()
     except FileNotFoundError:
         raise LabError("there is no such file", source=source) from None
     except (OSError, UnicodeDecodeError) as error:

@@ -22,6 +22,15 @@ from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
 MAX_SIDE = 2000.0
 """Longest side of a lab in units, so that a slip of the pen does not ask for all the memory there is."""
 
+MOST = {
+    "walls": 10_000,
+    "corners of a wall": 1000,
+    "beacons": 500,
+    "targets": 500,
+    "characters in its rows": 1_000_000,
+}
+"""What a lab may hold, so that all programs end in reasonable time; a maze of 60 x 60 cells has 4,000."""
+
 _FULL_TURN_TOLERANCE = 0.01
 
 _DEFAULT_ROWS = (
@@ -78,6 +87,20 @@ class _Contents:
     targets: list[tuple[Target, int]] = field(default_factory=list)
     walls: list[tuple[Wall, int, bool]] = field(default_factory=list)
     rows: dict[int, Element] = field(default_factory=dict)
+    characters: int = 0
+
+    def check(self, element: Element, reader: Reader, corners: int = 0) -> None:
+        """Refuse more than a lab may hold.
+
+        Raises
+        ------
+        LabError
+            At the first thing that is too many.
+        """
+        counts = (len(self.walls), corners, len(self.beacons), len(self.targets), self.characters)
+        for (what, most), count in zip(MOST.items(), counts, strict=True):
+            if count > most:
+                raise reader.error(element, f"a lab with more than {most} {what}; give a smaller one")
 
 
 def default_lab() -> Lab:
@@ -179,7 +202,9 @@ def parse_lab_file(data: bytes, source: str = "lab", *, any_size: bool = False) 
             polygons.setdefault(id(element.parent), []).append(corner)
     for element in elements[1:]:
         if element.name == "Wall":
-            _wall(element, polygons.get(id(element), []), reader, contents)
+            corners = polygons.get(id(element), [])
+            contents.check(element, reader, len(corners))  # before the polygon is looked at
+            _wall(element, corners, reader, contents)
         elif element.name in ("Beacon", "Target", "Row"):
             _thing(element, size, reader, contents)
         elif not (element.name == "Corner" and element.parent is not None and element.parent.name == "Wall"):
@@ -188,6 +213,7 @@ def parse_lab_file(data: bytes, source: str = "lab", *, any_size: bool = False) 
         if element.name != "Corner":
             check_attributes(element, LAB, reader)
             check_place(element, root, reader)
+        contents.check(element, reader)
     lab = Lab(
         name=root.attributes.get("Name", "NO NAMED LAB"),
         width=size[0],
@@ -196,6 +222,7 @@ def parse_lab_file(data: bytes, source: str = "lab", *, any_size: bool = False) 
         targets=tuple(target for target, _ in contents.targets),
         walls=tuple(wall for wall, _, _ in contents.walls),
     )
+    reader.finish()
     if not any_size:
         _check_size(lab, root, reader)
     for attribute, side in (("Width", lab.width), ("Height", lab.height)):
@@ -219,6 +246,8 @@ def _thing(element: Element, size: tuple[float, float], reader: Reader, contents
     if element.name == "Row":
         position = reader.integer(element, "Pos", 0)
         height = reader.real(element, "Height", 4.0)
+        contents.characters += len(element.attributes.get("Pattern", ""))
+        contents.check(element, reader)  # before they are looked at
         walls, _ = row_walls(element.attributes.get("Pattern", ""), position, height)
         contents.walls += [(wall, element.line, True) for wall in walls]
         check_row(element, position, height, size, reader)

@@ -6,6 +6,7 @@ import gzip
 from pathlib import Path
 
 from ciberrato.errors import LabError
+from ciberrato.files.opening import open_patiently
 
 GZIP_MAGIC = b"\x1f\x8b"
 
@@ -27,7 +28,7 @@ def is_simulator_log(path: Path) -> bool:
         If it cannot be read.
     """
     try:
-        with path.open("rb") as stream:
+        with open_patiently(path) as stream:
             start = stream.read(64)
             if start.startswith(GZIP_MAGIC):
                 stream.seek(0)

@@ -168,6 +168,7 @@ def parse_parameter_file(
             advice="did you mean Parameters?" if meant else "give a parameter file",
             instead="Parameters" if meant else None,
         )
+    reader.finish()
     findings = tuple(sorted(reader.findings, key=lambda finding: finding.line or 0))
     lines = {
         attribute: element.line_of(attribute)
@@ -231,7 +232,9 @@ def _checked_real(element: Element, attribute: str, reader: Reader) -> float:
     value = reader.real(element, attribute, 0.0)
     if attribute == "LineSensorTrueProb":
         if not 0.0 <= value <= 1.0:
-            raise reader.error(element, f'{attribute}="{value:g}" is not a probability: write 0 to 1')
+            reader.refuse(element, attribute, f'{attribute}="{value:g}" is not a probability: write 0 to 1')
+            return 0.0
     elif attribute.endswith("Noise") and value < 0.0:
-        raise reader.error(element, f'{attribute}="{value:g}" is below 0: write a standard deviation')
+        reader.refuse(element, attribute, f'{attribute}="{value:g}" is below 0: write a standard deviation')
+        return 0.0
     return value

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from ciberrato.errors import LabError
+from ciberrato.files.opening import open_patiently
 from ciberrato.files.run_records import FORMAT_VERSION, Cycle, DistanceModel, Preset, RecordedRun, RunHeader
 from ciberrato.world.parameters import Parameters
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 FORMAT = "ciberrato-run"
 _TOLD = 5
-_SALVAGE = "; --salvage reads what there is"
+SALVAGE_HINT = "; --salvage reads what there is"
 
 
 class RunWriter:
@@ -128,7 +129,8 @@ def read_run(path: Path, *, salvage: Callable[[str], None] | None = None) -> Rec
     """
     source = str(path)
     try:
-        data = path.read_bytes()
+        with open_patiently(path) as file:
+            data = file.read()
     except OSError as error:
         raise LabError(f"cannot read the log: {error.strerror or error}", source=source) from error
     lines = data.split(b"\n")
@@ -143,19 +145,19 @@ def read_run(path: Path, *, salvage: Callable[[str], None] | None = None) -> Rec
             cycle = parse_cycle(line, source, number)
             late = cycle.step is not None and cycle.step < due
             if late or (cycle.step is not None and cycle.step > due and salvage is None):
-                problem = f"step {cycle.step} where step {due} was due{_SALVAGE}"
+                problem = f"step {cycle.step} where step {due} was due{SALVAGE_HINT}"
                 raise LabError(problem, source=source, line=number)
         except LabError as error:
             if salvage is None:
                 raise
             torn += 1
             if torn <= _TOLD:
-                salvage(f"{str(error).removesuffix(_SALVAGE)}; the line is left out")
+                salvage(f"{str(error).removesuffix(SALVAGE_HINT)}; the line is left out")
             continue
         if cycle.step is not None:
             if cycle.step > due and salvage is not None:
                 salvage(f"{source}:{number}: steps {due} to {cycle.step - 1} are missing")
-                cycles += _without_readings(cycle, range(due, cycle.step))
+                cycles += without_readings(cycle, range(due, cycle.step))
             due = cycle.step + 1
         cycles.append(cycle)
     if torn > _TOLD and salvage is not None:
@@ -163,7 +165,7 @@ def read_run(path: Path, *, salvage: Callable[[str], None] | None = None) -> Rec
     return RecordedRun(header, tuple(cycles))
 
 
-def _without_readings(next_one: Cycle, steps: range) -> list[Cycle]:
+def without_readings(next_one: Cycle, steps: range) -> list[Cycle]:
     """Return cycles that stand for steps of which nothing is known but that they were."""
     nothing = (None, None, None, None)
     return [
@@ -188,7 +190,7 @@ def _read_object(line: bytes, source: str, number: int) -> dict[str, Any]:
     try:
         document = json.loads(line, parse_constant=_refuse)
     except ValueError as error:
-        raise LabError(f"not a line of JSON: {error}{_SALVAGE}", source=source, line=number) from error
+        raise LabError(f"not a line of JSON: {error}{SALVAGE_HINT}", source=source, line=number) from error
     except RecursionError as error:
         raise LabError("JSON nested too deeply", source=source, line=number) from error
     if not isinstance(document, dict):
@@ -321,4 +323,7 @@ def _build(
     ]
     if missing:
         raise LabError(f"{missing[0]} is missing", source=source, line=number)
-    return kind(**values)
+    try:
+        return kind(**values)
+    except ValueError as error:  # a number of the right type, but none that can be: a probability of 2
+        raise LabError(str(error), source=source, line=number) from None

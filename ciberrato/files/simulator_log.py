@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from ciberrato.errors import LabError, ProtocolError, UsageError
 from ciberrato.files.log_kind import GZIP_MAGIC
+from ciberrato.files.opening import open_patiently
 from ciberrato.files.xml_document import MISMATCH, end_line
 from ciberrato.protocol import Actions, Measures, decode_parameters
 from ciberrato.protocol.lab_text import grid_from_element, lab_from_element
@@ -239,11 +240,11 @@ def _pieces(path: str | Path) -> Iterator[bytes]:
 
 
 def _open(path: str | Path) -> BinaryIO:
-    with open(path, "rb") as file:
+    with open_patiently(path) as file:
         packed = file.read(2) == GZIP_MAGIC
     if packed:
         return gzip.open(path)  # type: ignore[return-value]  # reads like one
-    return open(path, "rb")
+    return open_patiently(path)
 
 
 class _LogParser:

@@ -140,6 +140,7 @@ def parse_grid_file(data: bytes, source: str = "grid", *, allow_empty: bool = Fa
         )
     if not positions and not allow_empty:
         raise reader.error(root, "the start grid has no Position; add one for each robot")
+    reader.finish()
     findings = tuple(sorted(reader.findings, key=lambda finding: finding.line or 0))
     return GridFile(
         grid=StartGrid(positions=tuple(positions)), source=source, findings=findings, lines=tuple(lines)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ciberrato.errors import LabError
+from ciberrato.files.opening import open_patiently
 from ciberrato.world.coordinates import Cell, PoseInDegrees
 from ciberrato.world.lab import CELL_SIZE
 
@@ -38,7 +40,7 @@ def read_truth(path: str | os.PathLike[str], *, robot: int | None = None) -> dic
     source = os.fspath(path)
     poses: dict[int, PoseInDegrees] = {}
     try:
-        with Path(path).open(newline="", encoding="utf-8") as stream:
+        with io.TextIOWrapper(open_patiently(Path(path)), encoding="utf-8", newline="") as stream:
             reader = csv.DictReader(stream)
             missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
             if missing:

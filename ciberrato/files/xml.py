@@ -16,11 +16,15 @@ from typing import Any
 
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.findings import Finding
+from ciberrato.files.opening import open_patiently
 from ciberrato.files.xml_document import Element
 from ciberrato.reprs import short_repr
 
 MAX_FILE_SIZE = 16 * 2**20
 """Bytes; a larger file is refused before it is parsed."""
+
+MAX_FINDINGS = 1000
+"""A file with more mistakes is not what it is taken for: it is refused."""
 
 _REAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[+-]?(?:inf|nan)", re.IGNORECASE)
@@ -60,6 +64,9 @@ class Reader:
             As of `Finding`.
         """
         line = element.line_of(more.pop("attribute", ""))
+        if len(self.findings) >= MAX_FINDINGS:
+            problem = f"has more than {MAX_FINDINGS} mistakes up to here; give the right file"
+            raise LabError(problem, source=self.source, line=line)
         self.findings.append(
             Finding(
                 **{"severity": "warning", **more},
@@ -79,13 +86,27 @@ class Reader:
         """Make the error that an element deserves; the caller raises it."""
         return LabError(problem, source=self.source, line=element.line)
 
-    def real(self, element: Element, attribute: str, default: float) -> float:
-        """Value of an attribute that should hold a real number; 0 where it does not.
+    def refuse(self, element: Element, attribute: str, problem: str) -> None:
+        """Note that an attribute makes the file unusable; `finish` raises it, after all others are found."""
+        self.warn(element, "unusable", problem, attribute=attribute, severity="error")
+
+    def finish(self) -> None:
+        """End the reading.
 
         Raises
         ------
         LabError
-            If the number is infinite or not a number, or too large for a double.
+            If something was refused: the first such thing; all findings are with it.
+        """
+        found = sorted(self.findings, key=lambda finding: finding.line or 0)
+        for finding in found:
+            if finding.severity == "error":
+                raise LabError(finding.found, source=self.source, line=finding.line, findings=found)
+
+    def real(self, element: Element, attribute: str, default: float) -> float:
+        """Value of an attribute that should hold a real number; 0 where it does not.
+
+        A number that is infinite or not a number, or too large for a double, is refused.
         """
         text = element.attributes.get(attribute)
         if text is None:
@@ -98,8 +119,9 @@ class Reader:
         elif not _NOT_FINITE.fullmatch(stripped):
             self._not_a_number(element, attribute, stripped, "a number", _meant(stripped))
             return 0.0
-        problem = f'{element.name} {attribute}="{text}" is not finite: write a finite number'
-        raise LabError(problem, source=self.source, line=element.line_of(attribute))
+        problem = f'{element.name} {attribute}="{_short(text)}" is not finite: write a finite number'
+        self.refuse(element, attribute, problem)
+        return 0.0
 
     def integer(self, element: Element, attribute: str, default: int) -> int:
         """Value of an attribute that should hold an integer of 32 bits; 0 where it does not."""
@@ -132,7 +154,7 @@ class Reader:
         self.warn(
             element,
             "not a number",
-            f'{element.name} {attribute}="{shown if len(shown) <= 40 else shown[:40] + "…"}" is not {what}',
+            f'{element.name} {attribute}="{_short(shown)}" is not {what}',
             "counts as 0",
             attribute=attribute,
             advice=f"write {meant}{', with a point' if ',' in text else ''}" if meant else "",
@@ -148,13 +170,17 @@ class Reader:
             self.warn(
                 element,
                 "not a switch",
-                f'{element.name} {attribute}="{text}" is not "On"',
+                f'{element.name} {attribute}="{_short(text)}" is not "On"',
                 'counts as "Off"',
                 attribute=attribute,
                 advice="write On or Off",
                 instead=_SWITCH_WORDS.get(text.strip().lower()),
             )
         return text == "On"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else text[:40] + "…"
 
 
 def _meant(text: str) -> str | None:
@@ -176,7 +202,7 @@ def read_file(path: str | Path) -> bytes:
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"path: {path!r:.60} is not the path of a file")  # open() would take 0 for stdin
     try:
-        with open(path, "rb") as file:
+        with open_patiently(path) as file:
             data = file.read(MAX_FILE_SIZE + 1)
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file; check the path") from None

@@ -19,10 +19,16 @@ from ciberrato.reprs import short_repr
 if TYPE_CHECKING:
     from lxml import etree
 
+MAX_TAGS = 100_000
+"""Start and end tags, comments and the like of a document."""
+MAX_ATTRIBUTES = 256
+"""Of one tag."""
+
 _XML = "{http://www.w3.org/XML/1998/namespace}"
 _ATTRIBUTE = r"""\s+([^\s=>/"']+)\s*=\s*(?:"[^"]*"|'[^']*')"""
 _SKIPPED = r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|<!DOCTYPE[^\[>]*(?:\[.*?\]\s*)?>|</[^>]*>"
 _TAG = re.compile(rf"{_SKIPPED}|<([^\s/>!?]+)((?:{_ATTRIBUTE})*)\s*/?>", re.DOTALL)
+_VALUE = re.compile(rb"""=\s*["']""")
 _ONE_ATTRIBUTE = re.compile(_ATTRIBUTE)
 _DECLARED_ENCODING = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([A-Za-z0-9._:-]*)["']""")
 _NOT_UTF8 = "bytes that are not UTF-8; save it as UTF-8, or declare its encoding"
@@ -86,6 +92,7 @@ def parse_tree(data: bytes, source: str, what: str) -> etree._Element:
     """Root of an XML document, see `parse_elements`."""
     if not data.strip():
         raise LabError(f"is empty; give {what} file", source=source, line=1)
+    _check_counts(data, source, what)
     root, faults = _parsed(data)
     if root is None:
         code, line, message = next((fault for fault in faults if fault[2]), (0, 1, "error"))
@@ -95,7 +102,27 @@ def parse_tree(data: bytes, source: str, what: str) -> etree._Element:
     declared = root.getroottree().docinfo.internalDTD
     if declared is not None and list(declared.iterentities()):  # type: ignore[attr-defined]
         raise _entities(data, source, what)
+    document: Any = root.getroottree().docinfo
+    if document.system_url is not None or document.public_id is not None:
+        problem = f"has a DOCTYPE that names another document, which {what} file must not; remove it"
+        raise LabError(problem, source=source, line=_line_of(data, b"<!DOCTYPE"))
     return root
+
+
+def _check_counts(data: bytes, source: str, what: str) -> None:
+    """Refuse what is too much to be read in reasonable time and memory, by counting characters."""
+    data = data.replace(b"\0", b"")  # of UTF-16
+    tags = data.count(b"<")
+    if tags > MAX_TAGS:
+        problem = f"has {tags} tags, {MAX_TAGS} at the most; give {what} file"
+        raise LabError(problem, source=source, line=1)
+    line = 1
+    for piece in data.split(b"<"):
+        # Most pieces have few signs of equality; a comment may be full of them.
+        if piece.count(b"=") > MAX_ATTRIBUTES and len(_VALUE.findall(piece)) > MAX_ATTRIBUTES:
+            problem = f"has a tag with more than {MAX_ATTRIBUTES} attributes; give {what} file"
+            raise LabError(problem, source=source, line=line)
+        line += piece.count(b"\n")
 
 
 def _parsed(data: bytes, **options: Any) -> tuple[etree._Element | None, list[tuple[int, int, str]]]:
@@ -124,9 +151,13 @@ def _parsed(data: bytes, **options: Any) -> tuple[etree._Element | None, list[tu
 
 
 def _entities(data: bytes, source: str, what: str) -> LabError:
-    before, found, _ = data.replace(b"\0", b"").partition(b"<!ENTITY")
     problem = f"declares XML entities, which {what} file must not; remove them"
-    return LabError(problem, source=source, line=before.count(b"\n") + 1 if found else 1)
+    return LabError(problem, source=source, line=_line_of(data, b"<!ENTITY"))
+
+
+def _line_of(data: bytes, mark: bytes) -> int:
+    before, found, _ = data.replace(b"\0", b"").partition(mark)
+    return before.count(b"\n") + 1 if found else 1
 
 
 def _problem(code: int | None, message: str, what: str) -> str:

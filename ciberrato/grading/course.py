@@ -10,7 +10,7 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from ciberrato import labs as shipped
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.errors import CiberratoError, LabError, UsageError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import parse_parameters_with_warnings
 from ciberrato.files.start_grid import default_grid, read_grid
@@ -229,9 +229,9 @@ def read_course(path: Path) -> Course:
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; what is wrong with it is a `CourseError` of one line."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CourseError([f"{path}: cannot be read: {error.strerror}"]) from None
+        return tomllib.loads(read_file(path).decode("utf-8"))
+    except (UsageError, LabError) as error:
+        raise CourseError([str(error)]) from None
     except UnicodeDecodeError:
         raise CourseError([f"{path}: not UTF-8 text"]) from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:

@@ -20,7 +20,7 @@ from typing import Any
 
 from ciberrato.grading.workspace import size_of
 from ciberrato.system import descendants
-from ciberrato.system.process import runnable
+from ciberrato.system.process import ask_to_end, interruptible, runnable
 from ciberrato.system.streams import streams
 
 SUPERVISOR = "ciberrato.grading.supervisor"
@@ -295,13 +295,14 @@ def start_simulator(command: Sequence[str]) -> subprocess.Popen[bytes]:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
+        **interruptible(),
     )
 
 
 def end_simulator(process: subprocess.Popen[bytes] | None) -> None:
     """End the simulator of a run, which writes what it has, by force if need be."""
     if process is not None and process.poll() is None:
-        process.send_signal(signal.SIGTERM)
+        ask_to_end(process)
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(10.0)
         process.kill()

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ciberrato.files.xml import read_file
 from ciberrato.grading.course import Agent, Course, GradedLab, parameters_document
 from ciberrato.grading.workspace import digest_folder
 from ciberrato.reprs import short_repr
@@ -114,7 +115,7 @@ def digest_of(parts: Sequence[Any]) -> str:
 
 @cache
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(read_file(path)).hexdigest()
 
 
 def plain(name: str) -> str:

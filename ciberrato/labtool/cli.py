@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ciberrato.command_line import ProgramParser, run_program
 from ciberrato.errors import UsageError
+from ciberrato.plaintext import plain
 
 PROGRAM = "ciberrato-lab"
 
@@ -60,7 +62,7 @@ def _check(options: argparse.Namespace) -> int:
         for finding in findings:
             if finding.severity != "note" or not options.no_notes:
                 place, _, text = str(finding).partition(f": {finding.text}")
-                print(f"{place}: {finding.severity}: {finding.text}{text}")
+                print(plain(f"{place}: {finding.severity}: {finding.text}{text}"))
         told = ", ".join(f"{number} {name}{'s' * (number != 1)}" for name, number in counts.items() if number)
         print(f"{len(checked)} file{'s' * (len(checked) != 1)}: {told or 'clean'}")
     if options.png is not None:
@@ -100,7 +102,7 @@ def _draw(options: argparse.Namespace) -> int:
 
 def _new(options: argparse.Namespace) -> int:
     from ciberrato.files.atomic import replace_file
-    from ciberrato.labtool.making import Order, empty_lab, random_lab
+    from ciberrato.labtool.making import MOST_RANDOM_CELLS, Order, empty_lab, random_lab
 
     output = options.output if options.output is not None else ("random" if options.random else "empty")
     if not Path(output).name:
@@ -125,6 +127,8 @@ def _new(options: argparse.Namespace) -> int:
         targets=options.targets,
         symmetric=options.symmetric,
     )
+    if options.random and 400 < rows * columns <= MOST_RANDOM_CELLS:
+        print(f"{PROGRAM}: {columns * rows} cells may take a minute", file=sys.stderr)
     made = random_lab(order, _seed(options)) if options.random else empty_lab(order)
     for path, text in zip(paths, (made.lab_xml, made.grid_xml), strict=True):
         replace_file(path, text.encode())

@@ -10,7 +10,7 @@ import numpy as np
 from ciberrato.checks.free_space import free_space
 from ciberrato.checks.likeness import ALL, turns_alike
 from ciberrato.errors import UsageError
-from ciberrato.files.lab import MAX_SIDE
+from ciberrato.files.lab import MAX_SIDE, MOST
 from ciberrato.files.row_pattern import row_walls
 from ciberrato.geometry.walls import WallMap
 from ciberrato.labtool.maze import all_doors, random_doors, row_patterns, symmetric_doors
@@ -19,6 +19,8 @@ from ciberrato.reprs import short_repr
 from ciberrato.world.lab import CELL_SIZE, Beacon, Lab, Target, Wall
 
 TRIES = 60
+MOST_RANDOM_CELLS = 6400
+"""Such a maze has nearly as many walls as a lab may have (`ciberrato.files.lab.MOST`)."""
 _GAP = 1.4
 """Units between polygons, and between them and the border: a robot of diameter 1 passes."""
 _CLEAR = 0.55
@@ -96,6 +98,10 @@ def random_lab(order: Order, seed: int) -> Made:
     """
     generator = np.random.default_rng(seed)
     check_order(order)
+    if order.rows * order.columns > MOST_RANDOM_CELLS:
+        raise UsageError(
+            f"--size: {order.columns}x{order.rows} cells; random labs have up to {MOST_RANDOM_CELLS} cells"
+        )
     for _ in range(TRIES):
         if order.polygons is None:
             doors = random_doors(
@@ -147,6 +153,12 @@ def check_order(order: Order) -> None:
     if not (1 <= order.rows <= MAX_SIDE / CELL_SIZE and 1 <= order.columns <= MAX_SIDE / CELL_SIZE):
         raise UsageError(
             f"--size: {order.columns}x{order.rows} cells; it takes 1 to {MAX_SIDE / CELL_SIZE:g} a side"
+        )
+    characters = (3 * order.columns - 1) * (2 * order.rows - 1)
+    if characters > MOST["characters in its rows"]:
+        raise UsageError(
+            f"--size: {order.columns}x{order.rows} cells take {characters} characters in the lab's rows; "
+            f"programs read {MOST['characters in its rows']}"
         )
     for option, value in (
         ("--loops", order.loops),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ciberrato.command_line import ProgramParser, run_program
 from ciberrato.errors import UsageError
+from ciberrato.plaintext import plain
 from ciberrato.system.loops import run_with_sockets
 
 if TYPE_CHECKING:
@@ -105,7 +106,13 @@ def _recorded(options: argparse.Namespace, notify: Callable[[str], None]) -> Ses
 
         if options.angles is not None:
             raise UsageError("--angles: an agent's log tells how the sensors are mounted; leave it out")
-        return load_recording(options.run, options.map, options.start_cell, options.beliefs)
+        return load_recording(
+            options.run,
+            options.map,
+            options.start_cell,
+            options.beliefs,
+            salvage=notify if options.salvage else None,
+        )
     from ciberrato.viewer.simulator_log import load_simulator_log
 
     for name, value in (
@@ -132,14 +139,14 @@ def _open_overlay(server: Server, port: int | None, notify: Callable[[str], None
 
 def _print(line: str) -> None:
     with contextlib.suppress(OSError):
-        print(line, flush=True)
+        print(plain(line), flush=True)
 
 
 def _notifier(*, quiet: bool) -> Callable[[str], None]:
     def notify(line: str) -> None:
         if not quiet:
             with contextlib.suppress(OSError):  # the reader of our messages may be gone
-                print(f"{PROGRAM}: {line}", file=sys.stderr, flush=True)
+                print(f"{PROGRAM}: {plain(line)}", file=sys.stderr, flush=True)
 
     return notify
 
@@ -186,6 +193,11 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="FILE",
         help="with --run: the agent's localization.out; default: a filter of the viewer's own",
+    )
+    world.add_argument(
+        "--salvage",
+        action="store_true",
+        help="with --run: leave out lines of the log that cannot be read, with a warning each",
     )
     world.add_argument(
         "--angles",

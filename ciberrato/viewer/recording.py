@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.lab import parse_lab
 from ciberrato.files.run_log import read_run
 from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader, Step
+from ciberrato.files.xml import read_file
 from ciberrato.infrared.model import cell_openings, cell_readings, reading_log_likelihood
 from ciberrato.labs import find_lab
 from ciberrato.overlay import GridBelief, OverlayMessage
@@ -31,7 +32,12 @@ SOURCE = "log"
 
 
 def load_recording(
-    path: Path, lab_name: str | None, start: tuple[int, int] | None, beliefs: Path | None = None
+    path: Path,
+    lab_name: str | None,
+    start: tuple[int, int] | None,
+    beliefs: Path | None = None,
+    *,
+    salvage: Callable[[str], None] | None = None,
 ) -> Session:
     """Make a session that shows a log.
 
@@ -44,6 +50,8 @@ def load_recording(
         The start cell from the lower left; None = the most likely one.
     beliefs : Path or None
         The localization.out that the agent wrote; None = filter the readings here.
+    salvage : callable, optional
+        Told of lines that cannot be read and are left out; see `read_run`.
 
     Returns
     -------
@@ -56,7 +64,7 @@ def load_recording(
     UsageError
         If there is no such lab.
     """
-    run = read_run(path)
+    run = read_run(path, salvage=salvage)
     header, steps = run.header, run.steps
     lab = _find(header, lab_name, path)
     if not run.drives_right and not any(cycle.estimate for cycle in run.cycles):
@@ -104,7 +112,7 @@ def _find(header: RunHeader, lab_name: str | None, path: Path) -> Lab:
             "does not say in which lab it was recorded; name that with -m", source=str(path), line=1
         )
     file = find_lab(lab_name if lab_name is not None else name)
-    data = file.read_bytes()
+    data = read_file(file)
     if name and hashlib.sha256(data).hexdigest() != header.lab_sha256:
         raise LabError(
             f"recorded in another lab ({name}) than {file.name}; give it with -m", source=str(path), line=1

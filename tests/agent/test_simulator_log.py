@@ -56,7 +56,7 @@ def test_localize_takes_the_lab_from_the_log(real_log, tmp_path, capsys):
     [
         (b'<Log Date="x">', True),
         (b"\xef\xbb\xbf <?xml version='1.0'?><Log/>", True),
-        (gzip.compress(b"<Log>"), True),
+        (gzip.compress(b"<Log>", mtime=0), True),
         (b'{"format":"ciberrato-run"}', False),
         (b"", False),
     ],

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
+from ciberrato.plaintext import plain
+
 if TYPE_CHECKING:
     from ciberrato.grading.course import Course
     from ciberrato.grading.runner import Graded
@@ -31,10 +33,10 @@ def junit_document(course: Course, ranked: Sequence[Standing]) -> str:
     -------
     str
     """
-    root = ElementTree.Element("testsuites", name=_text(course.title))
+    root = ElementTree.Element("testsuites", name=_text(plain(course.title)))
     whole = _NOTHING
     for standing in ranked:
-        suite = ElementTree.SubElement(root, "testsuite", name=_text(standing.agent))
+        suite = ElementTree.SubElement(root, "testsuite", name=_text(plain(standing.agent)))
         counts = _NOTHING
         for run, points in standing.runs:
             kind = _case(course, suite, run, points)
@@ -71,8 +73,8 @@ def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float
     case = ElementTree.SubElement(
         suite,
         "testcase",
-        classname=_text(f"{task.agent.name}.{task.lab.name}"),
-        name=_text(run.name),
+        classname=_text(plain(f"{task.agent.name}.{task.lab.name}")),
+        name=_text(plain(run.name)),
         time=_seconds(_milliseconds(run)),
     )
     kind, why = None, ""
@@ -97,5 +99,5 @@ def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float
 
 
 def _text(text: str) -> str:
-    """Replace what XML cannot hold."""
-    return _NOT_XML.sub("\ufffd", text)
+    """Replace what XML cannot hold, and what is not seen."""
+    return _NOT_XML.sub("\ufffd", "\n".join(map(plain, text.split("\n"))))

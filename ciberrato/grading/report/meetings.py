@@ -8,7 +8,8 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any
 
-from ciberrato.grading.report.pieces import asset, play_link, rounded
+from ciberrato.grading.report.pieces import asset, named, play_link, rounded, told
+from ciberrato.plaintext import plain
 
 if TYPE_CHECKING:
     from ciberrato.grading.runner import Graded
@@ -74,16 +75,14 @@ def _duels(names: Sequence[str], runs: Sequence[Sequence[_Part]]) -> str:
         text = f"before it {won} times, level {level}, behind it {lost}"
         return f'<td class="num {kind}" title="{text}">{won}–{level}–{lost}</td>'
 
-    head = "".join(f'<th class="num" title="{escape(name)}">{escape(_short(name))}</th>' for name in names)
+    head = "".join(
+        f'<th class="num" title="{escape(plain(name))}">{escape(plain(name, 12))}</th>' for name in names
+    )
     rows = "".join(
-        f'<tr><th scope="row">{escape(one)}</th>{"".join(cell(one, other) for other in names)}</tr>\n'
+        f'<tr><th scope="row">{named(one)}</th>{"".join(cell(one, other) for other in names)}</tr>\n'
         for one in names
     )
     return f'<table class="duels"><thead><tr><th></th>{head}</tr></thead><tbody>\n{rows}</tbody></table>'
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= 12 else f"{name[:11]}…"
 
 
 def _order(parts: Sequence[_Part]) -> tuple[Any, ...]:
@@ -94,13 +93,13 @@ def _order(parts: Sequence[_Part]) -> tuple[Any, ...]:
 def _row(parts: Sequence[_Part], folder: Path) -> str:
     run, _, extra = parts[0]
     made = "".join(
-        f'<li value="{own["place"]}"><span>{escape(one.task.agent.name)}</span> <b>{rounded(points)}</b> '
+        f'<li value="{own["place"]}"><span>{named(one.task.agent.name)}</span> <b>{rounded(points)}</b> '
         f"<small>from place {own['start']}, {rounded(own['formula'])} by the formula"
-        f"{'' if one.outcome.good else f', {escape(one.outcome.status)}'}</small></li>"
+        f"{'' if one.outcome.good else f', {told(one.outcome.status)}'}</small></li>"
         for one, points, own in sorted(parts, key=lambda part: (part[2]["place"], part[2]["start"]))
     )
     where = f"round {extra['round']}, group {extra['group']}"
     return (
-        f"<tr><td>{play_link(run, folder)}</td><td>{escape(run.task.lab.name)}, seed {run.task.seed}"
+        f"<tr><td>{play_link(run, folder)}</td><td>{named(run.task.lab.name)}, seed {run.task.seed}"
         f'<small>{where}</small></td><td><ol class="made">{made}</ol></td></tr>\n'
     )

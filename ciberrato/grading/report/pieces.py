@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import importlib.resources
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from ciberrato.plaintext import plain
+
+MOST_NAME_SHOWN = 40
 
 if TYPE_CHECKING:
     from ciberrato.grading.runner import Graded
@@ -13,6 +18,17 @@ if TYPE_CHECKING:
 def asset(name: str) -> str:
     """Read a file that belongs to the report."""
     return importlib.resources.files("ciberrato.grading").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def named(name: str) -> str:
+    """Write a name of others: as text without unseen signs, cut when long, and then whole on hover."""
+    whole, short = escape(plain(name)), escape(plain(name, MOST_NAME_SHOWN))
+    return whole if whole == short else f'<span title="{whole}">{short}</span>'
+
+
+def told(text: str) -> str:
+    """Write lines of others, without unseen signs."""
+    return escape("\n".join(map(plain, text.splitlines())))
 
 
 def play_link(run: Graded, folder: Path) -> str:

@@ -9,9 +9,10 @@ from string import Template
 from typing import TYPE_CHECKING
 
 from ciberrato.grading.report.meetings import meetings_section
-from ciberrato.grading.report.pieces import asset, play_link, rounded
+from ciberrato.grading.report.pieces import asset, named, play_link, rounded, told
 from ciberrato.grading.report.replay import replay
 from ciberrato.grading.standing import values_of
+from ciberrato.plaintext import plain
 
 if TYPE_CHECKING:
     from ciberrato.grading.course import Course
@@ -53,7 +54,7 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
     # Columns that no run has anything in are left out.
     maps = [name for name in _MAPS if any(getattr(one, name) is not None for one in outcomes)]
     pace = "in lockstep" if course.lockstep else f"at {course.speed:g} times real time"
-    labs = [f'<th class="num">{escape(lab.name)}<small>×{lab.weight:g}</small></th>' for lab in course.labs]
+    labs = [f'<th class="num">{named(lab.name)}<small>×{lab.weight:g}</small></th>' for lab in course.labs]
     notices = []
     if missing:
         whole = missing + hidden + count
@@ -61,7 +62,7 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
     if hidden:
         notices.append(f"{hidden} runs in hidden labs, or with hidden seeds, count, too, but are not shown.")
     return Template(asset("report.html")).substitute(
-        title=escape(course.title),
+        title=escape(plain(course.title, 200)),
         summary=", ".join(
             [
                 *(_many(len(ranked), "agent"), _many(len(labs), "lab"), _many(len(course.seeds), "seed")),
@@ -109,7 +110,7 @@ def _row(number: int, standing: Standing, course: Course, low: float, high: floa
     failed = f'<td class="num bad">{standing.bad}</td>' if standing.bad else '<td class="num">0</td>'
     return (
         f'<tr><td class="num place">{standing.place}</td><td><a href="#agent-{number}">'
-        f'{escape(standing.agent)}</a></td><td class="num total">{rounded(standing.total)}</td>{cells}'
+        f'{named(standing.agent)}</a></td><td class="num total">{rounded(standing.total)}</td>{cells}'
         f"<td>{strip}</td>{failed}</tr>\n"
     )
 
@@ -135,7 +136,7 @@ def _agent(number: int, standing: Standing, folder: Path, maps: Sequence[str], c
     return Template(asset("agent.html")).substitute(
         number=number,
         open=" open" * (number <= _OPEN),
-        name=escape(standing.agent),
+        name=named(standing.agent),
         place=standing.place,
         points=rounded(standing.total),
         commit="" if standing.commit is None else f", commit <code>{escape(standing.commit[:10])}</code>",
@@ -147,7 +148,7 @@ def _agent(number: int, standing: Standing, folder: Path, maps: Sequence[str], c
 
 def _run(run: Graded, points: float, folder: Path, maps: Sequence[str], course: Course) -> str:
     outcome, task = run.outcome, run.task
-    words = escape(outcome.status) + (f"<small>{escape(outcome.detail)}</small>" if outcome.detail else "")
+    words = told(outcome.status) + (f"<small>{told(outcome.detail)}</small>" if outcome.detail else "")
     words += _why(run, course)
     if not outcome.registered:
         numbers = ["–"] * 8
@@ -167,7 +168,7 @@ def _run(run: Graded, points: float, folder: Path, maps: Sequence[str], course: 
     cells = "".join(f'<td class="num">{value}</td>' for value in numbers)
     extra = "".join(f"<td{_kind(value)}>{_shown(value)}</td>" for value in run.extra().values())
     return (
-        f'<tr data-run="{run.row}"><td>{play_link(run, folder)}</td><td>{escape(task.lab.name)}</td>'
+        f'<tr data-run="{run.row}"><td>{play_link(run, folder)}</td><td>{named(task.lab.name)}</td>'
         f'<td class="num">{task.seed}</td>{extra}<td class="{"good" if outcome.good else "bad"}">{words}</td>'
         f'<td class="num total">{rounded(points)}</td>{cells}'
         f'<td class="num" data-measured="wall"></td><td class="num" data-measured="memory"></td></tr>\n'
@@ -186,9 +187,9 @@ def _why(run: Graded, course: Course) -> str:
         text = "An agent that never registered gets no points."
     tail = str(run.measured.get("tail", "")).strip()
     output = (
-        f"<p>Last lines of its output:</p><pre>{escape(tail)}</pre>" if tail else "<p>It printed nothing.</p>"
+        f"<p>Last lines of its output:</p><pre>{told(tail)}</pre>" if tail else "<p>It printed nothing.</p>"
     )
-    commands = escape(replay(run, course))
+    commands = told(replay(run, course))
     again = f'<p>To do it again, each line in a terminal of its own:</p><pre class="again">{commands}</pre>'
     return f'<details class="why"><summary>why</summary><p>{escape(text)}</p>{output}{again}</details>'
 
@@ -198,4 +199,4 @@ def _kind(value: object) -> str:
 
 
 def _shown(value: object) -> str:
-    return rounded(value) if isinstance(value, float) else escape(str(value))
+    return rounded(value) if isinstance(value, float) else named(str(value))
