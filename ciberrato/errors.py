@@ -8,8 +8,7 @@ from __future__ import annotations
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-
-    from ciberrato.files.findings import Finding
+    from typing import Any
 
 
 class CiberratoError(Exception):
@@ -31,12 +30,12 @@ class LabError(CiberratoError):
         The file's name, as the user gave it.
     line : int or None
         The line in the file, counted from 1.
-    findings : sequence of Finding
+    findings : sequence of `ciberrato.files.findings.Finding`
         All that was found in the file, this and other errors among them; empty where the reading ended here.
     """
 
     def __init__(
-        self, problem: str, *, source: str = "", line: int | None = None, findings: Sequence[Finding] = ()
+        self, problem: str, *, source: str = "", line: int | None = None, findings: Sequence[Any] = ()
     ) -> None:
         place = ":".join(str(part) for part in (source or None, line) if part is not None)
         super().__init__(f"{place}: {problem}" if place else problem)
