@@ -1,4 +1,4 @@
-"""Time and memory of a step of the museum's filter, over all states and selectively, from 10^4 states to 10^7.
+"""Time and memory of a step of the museum's filter, over all states and selectively, 10^4 to 10^7 states.
 
 ``python -m benchmarks.large_grids [FIGURE.png]`` prints the table and draws it. Times are those of one
 processor core (CPU time of the thread, the least of several), so that other programs count little; memory is
@@ -106,7 +106,8 @@ def main() -> None:
         sizes.append(size)
         print(
             f"{size.states:>9,} {size.active:>6,} {100 * size.active / size.states:5.2f} % |"
-            f" {1e3 * size.dense:8.2f} {1e3 * size.selective:13.2f} {100 * size.selective / size.dense:6.2f} % |"
+            f" {1e3 * size.dense:8.2f} {1e3 * size.selective:13.2f}"
+            f" {100 * size.selective / size.dense:6.2f} % |"
             f" {size.dense_bytes / 1e6:8.1f} {size.selective_bytes / 1e6:13.2f} | {size.distance:.0e}",
             flush=True,
         )
