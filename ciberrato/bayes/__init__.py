@@ -12,6 +12,7 @@ from ciberrato.bayes.filtering import Update, predict, update, update_by_likelih
 from ciberrato.bayes.logbelief import LogBelief
 from ciberrato.bayes.markovfilter import MarkovFilter
 from ciberrato.bayes.recovery import ImpossiblePolicy, ImpossibleReadingError
+from ciberrato.bayes.selective import SelectiveFilter
 from ciberrato.bayes.spaces import Axis, StateSpace
 from ciberrato.bayes.summaries import (
     credible_set,
@@ -29,6 +30,7 @@ __all__ = [
     "ImpossibleReadingError",
     "LogBelief",
     "MarkovFilter",
+    "SelectiveFilter",
     "StateSpace",
     "Update",
     "credible_set",

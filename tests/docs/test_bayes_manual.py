@@ -12,7 +12,7 @@ TEXT = (ROOT / "docs" / "bayes.md").read_text()
 
 def test_the_programs_run_one_after_the_other():
     blocks = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     names = {}
     for block in blocks:
         exec(compile(block, "docs/bayes.md", "exec"), names)
@@ -34,6 +34,7 @@ def test_each_model_in_the_tables_is_a_module_and_each_module_is_in_the_tables(p
         "inputs",
         "lattice",
         "passes",
+        "selected",
     }
     modules = {path.stem for path in (ROOT / "ciberrato" / "bayes" / package).glob("*.py")}
     assert modules - helpers == listed

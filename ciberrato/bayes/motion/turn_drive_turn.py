@@ -38,6 +38,7 @@ from ciberrato.bayes.motion.passes import (
     turn_matrix,
     ways,
 )
+from ciberrato.bayes.motion.selected import States, turn_drive_turn
 from ciberrato.bayes.spaces import StateSpace
 from ciberrato.reprs import short_repr
 
@@ -134,6 +135,42 @@ class TurnDriveTurn:
         truncated = math.erfc((self.window if cut is None else cut) / math.sqrt(2.0))
         return Prediction((moved.T @ last).reshape(belief.shape), skipped, truncated)
 
+    def predict_states(
+        self, states: IntArray, masses: FloatArray, control: OdometryReading, *, skip: float = 0.0
+    ) -> States:
+        """Move listed states, each as `predict` does; time and memory go with their number.
+
+        Parameters
+        ----------
+        states : IntArray, shape (n,)
+            Numbers of cells in the raveled belief, rising, none twice.
+        masses : FloatArray, shape (n,)
+            0 or more.
+        control : OdometryReading
+            The relative motion measured.
+        skip : float
+            Share of the mass that may be left out, in states that hold little.
+
+        Returns
+        -------
+        States
+            Not normalized, as of `predict`.
+        """
+        rot1, _, rot2 = self._sigmas(control)
+        headings, width = self.space.shape[2], self.space.axes[2].cell
+        parts = directions_per_heading(self.space, control.trans, rot2)
+        steps = round(control.rot1 * parts / width)
+        left = control.rot1 - steps * width / parts
+        return turn_drive_turn(
+            states,
+            masses,
+            turn_matrix(headings, steps / parts, rot1 / width, after=parts),
+            lambda some: self._kernels(control, parts, left, None, some),
+            turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts),
+            np.ones(self.space.shape[:2], dtype=bool) if self.free is None else self.free,
+            skip,
+        )
+
     def predict_carried(
         self, belief: ArrayLike, control: OdometryReading, carry: PoseCarry
     ) -> tuple[FloatArray, PoseCarry]:
@@ -172,10 +209,15 @@ class TurnDriveTurn:
         return sigmas
 
     def _kernels(
-        self, control: OdometryReading, parts: int, left: float, cut: float | None
+        self,
+        control: OdometryReading,
+        parts: int,
+        left: float,
+        cut: float | None,
+        some: IntArray | None = None,
     ) -> LatticeKernels:
         axis = self.space.axes[2]
-        part: IntArray = np.arange(axis.size * parts)
+        part: IntArray = np.arange(axis.size * parts) if some is None else some
         direction = axis.centres[0] + part * axis.cell / parts + left
         mean, covariance = ways(self.space, direction, control.trans, self.noise.sigmas(control)[1])
         window = self.window if cut is None else max(self.window, cut)

@@ -94,10 +94,12 @@ class BeamModel:
             if self.unknown == "raise":
                 refuse_map(unknown)
             ahead = np.where(unknown, self.max_range, ahead)
+        # Before broadcasting: what depends on the expected ranges alone is worked out for each of them once.
+        log_hit = self._log_hit(z, ahead)
         z, ahead, unknown = np.broadcast_arrays(z, ahead, unknown)
         result = np.empty((4, *z.shape))
         # Below -700 the exponential would be a denormal number, far under the random part if there is one.
-        result[0] = self.hit * self.resolution * np.exp(np.maximum(self._log_hit(z, ahead), -700.0))
+        result[0] = self.hit * self.resolution * np.exp(np.maximum(log_hit, -700.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             density = self.decay * np.exp(-self.decay * z) / -np.expm1(-self.decay * ahead)
         result[1] = np.where((z <= ahead) & (ahead > 0.0), self.short * self.resolution * density, 0.0)

@@ -10,18 +10,49 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ciberrato.bayes.arraytypes import BoolArray, FloatArray
+from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.checks import positive, range_array, whole
 from ciberrato.bayes.spaces import StateSpace
+from ciberrato.reprs import short_repr
 
 _LEVELS = 256
 
 Caster = Callable[[FloatArray, FloatArray, FloatArray, float], FloatArray]
 BeamLogLikelihood = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class ScanLikelihood:
+    """The log likelihood of one scan, to be asked for some states or all.
+
+    Attributes
+    ----------
+    table : ScanTable
+    worth : FloatArray, shape (beams, 256)
+        What every code of a range adds to the log likelihood.
+    """
+
+    __repr__ = short_repr
+
+    table: ScanTable
+    worth: FloatArray
+
+    def __call__(self, states: IntArray | None = None) -> NDArray[np.float32]:
+        """Return it for states with these numbers, shape (n,); for all, shape of the space, if None."""
+        if states is None:
+            return self.table._of_all(self.worth)
+        return self.table._of_states(states, self.worth)
+
+    @property
+    def highest(self) -> float:
+        """Log likelihood that no state exceeds: each beam's best range, wherever it may be."""
+        best = float(self.worth.max(axis=1).sum())
+        return best + 1e-6 * (1.0 + abs(best))  # single precision may round up
 
 
 class ScanTable:
@@ -77,6 +108,9 @@ class ScanTable:
         self._codes = codes
         # [direction, place]: the code in the direction and the one a spacing further on.
         self._pairs = codes.astype(np.uint16) * _LEVELS + np.roll(codes, -spacing, axis=0)
+        # Made when states are first asked for one by one.
+        self._rows: NDArray[np.uint8] | None = None
+        self._row_of: IntArray = np.where(free.ravel(), np.cumsum(free) - 1, -1)
 
     @property
     def angles(self) -> FloatArray:
@@ -96,12 +130,18 @@ class ScanTable:
     @property
     def nbytes(self) -> int:
         """Memory that the table takes."""
-        return self._codes.nbytes + self._pairs.nbytes
+        rows = 0 if self._rows is None else self._rows.nbytes
+        return self._codes.nbytes + self._pairs.nbytes + self._row_of.nbytes + rows
 
     def log_likelihood(
-        self, scan: ArrayLike, beam: BeamLogLikelihood, *, weight: float = 1.0
+        self,
+        scan: ArrayLike,
+        beam: BeamLogLikelihood,
+        *,
+        weight: float = 1.0,
+        states: IntArray | None = None,
     ) -> NDArray[np.float32]:
-        """Return the log likelihood of a scan for every state.
+        """Return the log likelihood of a scan for every state, or for some.
 
         Parameters
         ----------
@@ -112,10 +152,12 @@ class ScanTable:
         weight : float
             Exponent of the likelihood, in (0, 1]: below 1 for beams that are not independent given the cell,
             because all of them miss what the cell's centre does not show.
+        states : IntArray, shape (n,), optional
+            Numbers of cells in the raveled belief. What they get is what they get among all.
 
         Returns
         -------
-        ndarray of float32, shape (x, y, heading)
+        ndarray of float32, shape (x, y, heading) or (n,)
             -inf where the robot cannot be; a beam counts -1e4 at the least. Sums of 200 beams are right to
             0.01.
 
@@ -124,17 +166,27 @@ class ScanTable:
         ValueError
             If a range is negative, there are more or fewer than beams, or the weight is not in (0, 1].
         """
+        return self.scan(scan, beam, weight=weight)(states)
+
+    def scan(self, scan: ArrayLike, beam: BeamLogLikelihood, *, weight: float = 1.0) -> ScanLikelihood:
+        """Return the log likelihood of a scan as a function of states, for `SelectiveFilter.update`.
+
+        Parameters and errors as of `log_likelihood`.
+        """
         scan = range_array(scan, beams=len(self.steps))
         if not 0.0 < weight <= 1.0:
             raise ValueError(f"the weight of a scan is in (0, 1], not {weight}")
         present = ~np.isnan(scan)
         worth = np.zeros((len(scan), _LEVELS))
         worth[present] = weight * np.maximum(beam(scan[present, np.newaxis], self.levels), -1e4)
+        return ScanLikelihood(self, worth)
+
+    def _of_all(self, worth: FloatArray) -> NDArray[np.float32]:
         headings, places = self._codes.shape
         total = np.zeros((headings, places), dtype=np.float32)
         part = np.empty(places, dtype=np.float32)
-        paired = len(scan) // 2 * 2
-        for first in range(0, len(scan), 2):
+        paired = len(worth) // 2 * 2
+        for first in range(0, len(worth), 2):
             if first < paired:
                 table, codes = (worth[first][:, np.newaxis] + worth[first + 1]).ravel(), self._pairs
             else:
@@ -148,3 +200,24 @@ class ScanTable:
         result = np.full(self.space.shape, -np.inf, dtype=np.float32)
         result[self.free] = total.T
         return result
+
+    def _of_states(self, states: IntArray, worth: FloatArray) -> NDArray[np.float32]:
+        """Return the log likelihood of some states, summed as that of all is."""
+        headings = len(self._codes)
+        low, high = int(self.steps.min()), int(self.steps.max())
+        if self._rows is None:
+            # [place, direction]: all beams of a state lie side by side, without a seam at half a turn.
+            around = np.arange(low, headings + high) % headings
+            self._rows = np.ascontiguousarray(self._codes[around].T)
+        place, heading = np.divmod(np.asarray(states, dtype=np.intp), headings)
+        row = self._row_of[place]
+        at = np.maximum(row, 0) * self._rows.shape[1] + heading - low
+        codes = self._rows.ravel()
+        total = np.zeros(len(at), dtype=np.float32)
+        for first in range(0, len(worth), 2):
+            part = worth[first][codes[at + self.steps[first]]]
+            if first + 1 < len(worth):
+                part += worth[first + 1][codes[at + self.steps[first + 1]]]
+            total += part.astype(np.float32)
+        total[row < 0] = -np.inf
+        return total
