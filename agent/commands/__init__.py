@@ -37,7 +37,7 @@ DRIVE = "drive"
 
 
 def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
-    """Do what a command line says.
+    """Execute a command line.
 
     Parameters
     ----------

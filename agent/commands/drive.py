@@ -23,7 +23,7 @@ DEFAULT_LOG = Path("run.jsonl")
 
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Drive; return the exit status."""
+    """Drive, and return the exit status."""
     settings = settings_of(options)
     interrupts.arm()
     views = []
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrupts) -> int:
-    """Drive, and with ``--reconnect`` again, as often as the simulator goes away; return the exit status."""
+    """Drive, and with ``--reconnect`` again whenever the simulator goes away; return the exit status."""
     import dataclasses
     from itertools import count
 

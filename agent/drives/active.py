@@ -85,7 +85,7 @@ class ActiveDrive:
         return self._mode is _Mode.LOCALIZED
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         self._known = self._known + 1 if pose_filter.estimate().certain else 0
         if self._known >= self._hold:
             self._mode = _Mode.LOCALIZED
@@ -126,7 +126,7 @@ def _hypotheses(pose_filter: GridFilter) -> list[PoseEstimate]:
 
 
 def _entropy(found: list[PoseEstimate]) -> float:
-    """Entropy over hypotheses in bits, the rest of the belief taken for many more."""
+    """Compute the entropy over hypotheses in bits; the rest of the belief counts as many more."""
     known = np.array([mode.probability for mode in found if mode.probability > 0.0])
     rest = max(1.0 - float(known.sum()), 0.0)
     return float(-(known * np.log2(known)).sum()) + rest * math.log2(4.0 * _HYPOTHESES)

@@ -69,7 +69,7 @@ class CellGraph:
     joined: NDArray[np.bool_]
 
     def neighbours(self, cell: Cell) -> list[Cell]:
-        """Cells to which there is a straight path."""
+        """Return the cells to which there is a straight path."""
         return [(cell[0] + STEPS[k][0], cell[1] + STEPS[k][1]) for k in np.flatnonzero(self.joined[cell])]
 
     def quickest(

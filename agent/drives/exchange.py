@@ -185,7 +185,7 @@ class Exchange:
         return self.pace.patience if self.is_moving and not self.lockstep else math.inf
 
     def judge(self, measures: Measures) -> News:
-        """Tell whether a message is news; the same one is judged once, however often it is asked about."""
+        """Return whether a message is news; each message is judged once, however often this is called."""
         for known, news in self._judged:
             if known is measures:
                 return news
@@ -215,7 +215,7 @@ class Exchange:
         return None
 
     def summary(self) -> str | None:
-        """Say what was missing, or None if nothing was."""
+        """Return a line on what was missing, or None if nothing was."""
         told = []
         if self.lost:
             longest = f", {self.longest_gap} of them in a row" * (self.longest_gap > 1)

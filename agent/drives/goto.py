@@ -74,7 +74,7 @@ class GotoDrive:
         self.phase = GotoPhase.LOCALIZING
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
         self._wheels = filter_wheels(self._last, self._wheels)
         if self.phase is GotoPhase.ARRIVED:
@@ -147,7 +147,7 @@ def _nearest(lattice: Lattice, x: float, y: float) -> int:
 
 
 def costs_to(lattice: Lattice, x: float, y: float) -> Floats:
-    """Length of the shortest way from every square to a place; ways close to walls count as longer.
+    """Compute the length of the shortest path from every square to a place; near walls lengths count more.
 
     Parameters
     ----------

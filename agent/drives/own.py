@@ -39,7 +39,7 @@ class OwnDrive:
             raise UsageError(f"{label}: what it makes is {shown}, which has no method decide")
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         try:
             decision = self._drive.decide(measures, pose_filter)
         except CiberratoError:

@@ -67,17 +67,17 @@ class Barred:
         self._turned = 0.0
 
     def turn(self, angle: float) -> None:
-        """Take note of a turn of the robot, in radians."""
+        """Update with a turn of the robot, in radians."""
         self._turned += angle
 
     def add(self) -> None:
-        """Bar the direction that the robot faces; if none is left open by that, only this one."""
+        """Block the heading of the robot; if no heading is left open by that, only this one."""
         self._headings.append(self._turned)
         if all(self._bars(turn) for turn in _ALL_ROUND.tolist()):
             self._headings = deque([self._turned], maxlen=_MOST_FAILURES)
 
     def clear(self) -> None:
-        """Forget everything: the robot is elsewhere."""
+        """Clear everything: the robot is elsewhere."""
         self._headings.clear()
 
     def closed(self, turns: Floats, bumper: Bumper) -> NDArray[np.bool_]:
@@ -144,7 +144,7 @@ class Roamer:
         return self._bumper
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
         self._dead_reckon(measures, pose_filter)
         command = self._next(measures, pose_filter)
@@ -152,7 +152,7 @@ class Roamer:
         return Decision(command=self._last)
 
     def follow(self, measures: Measures, pose_filter: GridFilter, command: Command) -> None:
-        """Take in a message to which another has answered, and the answer.
+        """Process a message that another drive has answered, and the answer.
 
         Parameters
         ----------
@@ -172,12 +172,12 @@ class Roamer:
             self.phase = LegPhase.CHOOSING
 
     def stand(self) -> None:
-        """Take note that the robot stands, whatever leg it was on."""
+        """Reset the leg: the robot stands."""
         self._last = (0.0, 0.0)
         self.phase = LegPhase.CHOOSING
 
     def _dead_reckon(self, measures: Measures, pose_filter: GridFilter) -> None:
-        """Take in what the wheels did since the last message: by what was in effect, not by the answer."""
+        """Update the pose by the motion since the last message: by the command in effect, not the answer."""
         cycles = 1 if self._time is None else measures.time - self._time
         self._time = measures.time
         acted = pose_filter.command_before(measures.time)
@@ -244,7 +244,7 @@ class Roamer:
         return self._bumper.retreat - rate / 2.0, self._bumper.retreat + rate / 2.0
 
     def _drive(self, pose_filter: GridFilter) -> Command | None:
-        """Go on along the clearest arc; None when the leg is over."""
+        """Continue along the clearest arc; return None when the leg is over."""
         speed = self._bumper.speed
         if self._to_drive <= 0.05 or speed <= 0.0:
             return None

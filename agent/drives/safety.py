@@ -46,7 +46,7 @@ class Bumper:
         """Return whether the last leg ended in a collision."""
 
     def observe(self, infrared: Sequence[float | None]) -> None:
-        """Take in the readings of a message; sensors that were not sent keep their last."""
+        """Store the readings of a message; sensors that were not sent keep their last."""
         if self._smooth is None:
             self._smooth = [reading or 0.0 for reading in infrared]
             self._beside = self.left, self.right

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def expected_readings_of(header: RunHeader, lab: Lab) -> ExpectedReadings:
-    """Work out the tables that the filter needs for a run.
+    """Compute the tables that the filter needs for a run.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ class LogReplay:
         self._name = ""
 
     def add(self, record: LogRecord) -> None:
-        """Take the next record; one without the robot is passed over."""
+        """Add the next record; one without the robot is skipped."""
         logged = record.robot(self._robot)
         if logged is None:
             return

@@ -11,7 +11,7 @@ from ciberrato.world.lab import CELL_SIZE
 
 
 def estimated_track(run: RecordedRun, beliefs: Floats) -> Floats | None:
-    """Put the way that was driven where the last belief says that it ended.
+    """Place the path that was driven so that it ends where the last belief is.
 
     The log tells the way relative to the start cell; the most likely cell of the last step, so many cells to
     the right of the start, tells where that is.

@@ -65,7 +65,7 @@ class DriveController:
     def observe(
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
     ) -> tuple[Cycle, Actions | None]:
-        """Take in one message and decide on the answer.
+        """Process one message and decide on the answer.
 
         Parameters
         ----------

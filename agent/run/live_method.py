@@ -123,11 +123,11 @@ class LiveMethod:
         return not self._live.lockstep or self._tables_are_there()
 
     def begin(self) -> None:
-        """See `Method.begin`."""
+        """Begin the run, see `Method.begin`."""
         self._published.begin()
 
     def announce(self, header: RunHeader) -> None:
-        """See `Method.announce`."""
+        """Announce the run, see `Method.announce`."""
         self._header = header
         self._published.announce(header)
 
@@ -145,7 +145,7 @@ class LiveMethod:
         return True
 
     def controller(self, header: RunHeader) -> LiveController:
-        """See `Method.controller`."""
+        """Return the controller, see `Method.controller`."""
         from agent.run.live_controller import LiveController
         from ciberrato.localization.evidence.other_sensors import sensors_used
         from ciberrato.localization.pose_filter import PoseFilter
@@ -188,7 +188,7 @@ class LiveMethod:
 
     @property
     def log_is_whole(self) -> bool:
-        """See `Method.log_is_whole`."""
+        """Whether the log is whole, see `Method.log_is_whole`."""
         return self._published.log_is_whole
 
     @log_is_whole.setter
@@ -197,11 +197,11 @@ class LiveMethod:
 
     @property
     def failure(self) -> str | None:
-        """See `Method.failure`."""
+        """Failure of the run, see `Method.failure`."""
         return self._published.failure
 
     def report(self, cycle: Cycle) -> None:
-        """See `Method.report`."""
+        """Report on the run, see `Method.report`."""
         assert self._localizer is not None
         live = self._localizer.live
         if live.doubtful_since is not None and not self._doubted:
@@ -266,7 +266,7 @@ class LiveMethod:
         return f"; {len(others)} places fit: {listed}"
 
     def finish(self, run: RecordedRun | None, reason: str, stop: Callable[[], None]) -> int:
-        """See `Method.finish`."""
+        """Finish the run, see `Method.finish`."""
         if self._localizer is None or not self._localizer.live.history:
             return self._published.finish(run, reason, stop)
         live = self._localizer.live
@@ -321,7 +321,7 @@ class LiveMethod:
         )
 
     def close(self) -> None:
-        """See `Method.close`."""
+        """Close the method, see `Method.close`."""
         if self._tables is not None:
             self._tables.stop()
         self._published.close()

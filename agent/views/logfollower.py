@@ -35,7 +35,7 @@ class LogFollower:
 
     @property
     def run(self) -> RecordedRun | None:
-        """What is there so far; None before the first line is complete."""
+        """Run read so far; None before the first line is complete."""
         return None if self.header is None else RecordedRun(self.header, tuple(self.cycles))
 
     def poll(self) -> bool:
@@ -72,7 +72,7 @@ class LogFollower:
         return bool(lines)
 
     def _begin_again(self) -> None:
-        """Forget everything: another run has begun to write the file."""
+        """Reset everything: another run has begun to write the file."""
         self._offset, self._rest, self._lines = 0, b"", 0
         self.header, self.cycles = None, []
 
@@ -116,7 +116,7 @@ class SimulatorLogFollower:
 
     @property
     def header(self) -> RunHeader:
-        """That of the run."""
+        """Header of the run."""
         return self.run.header
 
     def poll(self) -> bool:

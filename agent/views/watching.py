@@ -107,7 +107,7 @@ def screen(
     colour: bool = False,
     true_pose: PoseInDegrees | None = None,
 ) -> str:
-    """Say on one screen what the agent is doing and where it believes to be.
+    """Return a screen that shows the agent's state and where it believes to be.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class Controller:
     def observe(
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
     ) -> tuple[Cycle, Actions | None]:
-        """Take in one message and decide on the answer.
+        """Process one message and decide on the answer.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ def make_cycle(
     answered: bool,
     phase: str,
 ) -> Cycle:
-    """Put a message, and what became of it, on record.
+    """Record a message and its outcome.
 
     Parameters
     ----------

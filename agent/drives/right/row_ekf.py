@@ -95,7 +95,7 @@ class RowKalmanFilter:
         return self.right - self.left
 
     def pose(self, age: int = 0) -> Pose:
-        """Pose `age` cycles ago, in the light of everything known now."""
+        """Return the pose `age` cycles ago, given everything known now."""
         return Pose(*self._past[max(-1 - age, -len(self._past))])
 
     def deviations(self) -> Vector:
@@ -115,7 +115,7 @@ class RowKalmanFilter:
         self.covariance[2][2] += variance
 
     def stand(self) -> None:
-        """Let a cycle pass in which nothing moves."""
+        """Predict over a cycle in which nothing moves."""
         self._past.append(self._past[-1])
 
     def move(self, command: tuple[float, float], *, blocked: bool = False) -> None:
@@ -160,7 +160,7 @@ class RowKalmanFilter:
         ]
 
     def correct(self, explanations: Sequence[Explanation], clutter: float = 0.0) -> None:
-        """Take a reading into account.
+        """Correct with a reading.
 
         Each explanation is a Kalman update of its own; the result is the normal distribution with mean and
         covariance of their mixture.

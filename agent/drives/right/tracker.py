@@ -93,7 +93,7 @@ class CellTracker:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is now."""
+        """Current pose of the robot."""
         return self._filter.pose()
 
     @property
@@ -140,7 +140,7 @@ class CellTracker:
         return not self._moved or self.deviations[2] < 0.7 * _DEGREE or self._rest > _SETTLED
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> Crossing | None:
-        """Take in one message.
+        """Process one message.
 
         Parameters
         ----------

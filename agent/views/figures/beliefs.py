@@ -147,7 +147,7 @@ def draw_belief(
 
 
 def ring_cell(axis: Any, cell: Cell) -> list[Any]:
-    """Put a ring around a cell's centre; white under red shows on every colour of the belief.
+    """Draw a ring around a cell's centre; white under red shows on every colour of the belief.
 
     Parameters
     ----------
