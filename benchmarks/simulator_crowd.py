@@ -71,7 +71,7 @@ def rows() -> Iterator[Row]:
 
 
 def describe(run: Crowd) -> str:
-    """Put a run into words."""
+    """Return a run as text."""
     return (
         f"{run.cycles} cycles in {run.wall:.2f} s, {run.late} late by {run.behind} cycle times in all,"
         f" {run.missing} Measures missing, {run.processor / run.wall:.0%} of a core"
@@ -79,7 +79,7 @@ def describe(run: Crowd) -> str:
 
 
 def crowd(transport: str, *, seconds: float, robots: int = ROBOTS) -> Crowd:
-    """Let many robots drive in the open lab, in real time.
+    """Run many robots in the open lab, in real time.
 
     Parameters
     ----------

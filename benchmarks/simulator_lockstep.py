@@ -161,7 +161,7 @@ for own in sockets:
 
 
 def echo_seconds(robots: int) -> float:
-    """Let another process send and receive the same bytes; give the seconds of one cycle."""
+    """Measure the seconds of one cycle in which another process sends and receives the same bytes."""
     cycles = CYCLES[robots]
     command = [sys.executable, "-c", _ECHO, str(robots), str(cycles)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:

@@ -78,7 +78,7 @@ class _Client(Peer):
         super().__init__("recorded client")
 
     def send(self, data: bytes) -> None:
-        """Take nothing: what is compared comes from the simulation."""
+        """Send nothing: what is compared comes from the simulation."""
 
     def close(self) -> None:
         self.closed = True
