@@ -197,7 +197,7 @@ def models(group: str) -> dict[str, type]:
 
 
 def failure(label: str, error: BaseException) -> UsageError:
-    """Say in a line what a part raised, and where."""
+    """Return in one line what a part raised, and where."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" ({os.path.basename(frames[-1].filename)}:{frames[-1].lineno})" if frames else ""
     words = " ".join(str(error).split())

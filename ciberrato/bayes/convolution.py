@@ -126,7 +126,7 @@ def _sigmas_for(tail: float) -> float:
 
 
 def whole_steps(displacement: float, carry: float) -> tuple[int, float]:
-    """Take the whole cells out of a displacement and carry the rest over to the next one.
+    """Split a displacement into whole cells and a rest, which is carried over to the next call.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def whole_steps(displacement: float, carry: float) -> tuple[int, float]:
 
 
 def fold(full: FloatArray, first: int, size: int, edge: Edge, axis: int) -> FloatArray:
-    """Bring an axis that reaches beyond the grid back to `size` cells.
+    """Fold an axis that reaches beyond the grid back to `size` cells.
 
     Parameters
     ----------

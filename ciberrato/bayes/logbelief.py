@@ -108,7 +108,7 @@ class LogBelief:
 
     @classmethod
     def of(cls, belief: ArrayLike) -> LogBelief:
-        """Take the logarithms of a belief, which need not sum to 1."""
+        """Return a log belief from a belief, which need not sum to 1."""
         values = belief_array(belief, massless=True)
         with np.errstate(divide="ignore"):
             logs = np.log(values)

@@ -53,7 +53,7 @@ class FreeSpace:
         return np.stack(((column + 0.5) * self.step, (row + 0.5) * self.step), axis=1)
 
     def parts_near(self, x: float, y: float, radius: float) -> set[int]:
-        """Numbers of the parts that come within a radius of a place."""
+        """Return the numbers of the parts that come within a radius of a place."""
         rows, columns = self.part.shape
         low_x, high_x = (int((x + side * radius) / self.step) for side in (-1, 1))
         low_y, high_y = (int((y + side * radius) / self.step) for side in (-1, 1))

@@ -50,7 +50,7 @@ class Channel(Protocol):
         """Wait for Measures; return all that are there, oldest first, or none if none came in time."""
 
     def close(self) -> None:
-        """Close; again is harmless."""
+        """Close the channel; closing again is harmless."""
 
 
 class LinkChannel:
@@ -195,7 +195,7 @@ class Attempts:
         return True
 
     def end_soon(self) -> None:
-        """Give up in a moment, if nobody accepts until then."""
+        """Set a short time after which connecting is given up."""
         self._end = min(self._end, time.monotonic() + REFUSAL_PATIENCE)
         self._next = math.inf
 
@@ -213,10 +213,10 @@ class SteppedSimulation(Protocol):
         """Return the robot's position number, or None if it is refused."""
 
     def launch(self) -> Mapping[int, Measures]:
-        """Do the two cycles that a run begins with."""
+        """Run the two cycles with which every run begins."""
 
     def step(self, actions: Mapping[int, Actions]) -> Mapping[int, Measures]:
-        """Do one cycle."""
+        """Run one cycle."""
 
 
 class SimulationChannel:
@@ -249,7 +249,7 @@ class SimulationChannel:
         return Acceptance(parameters=world.parameters, n_beacons=len(world.lab.beacons))
 
     def send(self, actions: Actions) -> None:
-        """Do a cycle."""
+        """Send the command and run one cycle."""
         measures = self._simulation.step({self._robot: actions}).get(self._robot)
         if measures is not None:
             self._ready.append(measures)
@@ -263,4 +263,4 @@ class SimulationChannel:
         return ready
 
     def close(self) -> None:
-        """Leave the simulation as it is."""
+        """Close nothing: the simulation stays as it is."""

@@ -83,7 +83,7 @@ class Controls:
         self._core.set_led("end_led", True)
 
     def say(self, text: str) -> None:
-        """Say something, of 100 characters at the most, to the robots within 8 units (this one included)."""
+        """Broadcast a text of at most 100 characters to the robots within 8 units (this one included)."""
         self._core.say(text)
 
     def request(self, *names: str) -> None:
@@ -119,7 +119,7 @@ class Controls:
 
     @property
     def ended(self) -> RunEnd | None:
-        """Why the run is over; None while it is not."""
+        """Reason why the run is over; None while it is not."""
         return self._core.ended
 
     @property
@@ -139,7 +139,7 @@ class Controls:
 
     @property
     def stops(self) -> int:
-        """How often the robot was stopped as nothing was heard for three cycles (in real time only)."""
+        """Number of times the robot was stopped because no message came for three cycles (real time only)."""
         return self._stops
 
     def __repr__(self) -> str:
@@ -182,7 +182,7 @@ class Controls:
         return not self._closed and self._core.ended is None
 
     def _take(self, messages: list[Measures]) -> Measures | None:
-        """Take in messages; return what the program is to see, else answer in its place."""
+        """Process messages; return the one for the program, or answer in its place."""
         if not messages:
             self._hear_nothing()
             return None

@@ -99,7 +99,7 @@ class RobotCore:
         self._rota: RequestRota | None = None
 
     def accept(self, acceptance: Acceptance) -> None:
-        """Take note that the simulator has accepted the robot."""
+        """Register that the simulator has accepted the robot."""
         self.acceptance = acceptance
         self._order = MessageOrder(acceptance.parameters.sim_time)
         self._rota = RequestRota(acceptance.parameters, n_beacons=acceptance.n_beacons, ground=True)
@@ -137,7 +137,7 @@ class RobotCore:
         self._leds[name] = bool(on)
 
     def say(self, text: str) -> None:
-        """Say something to the robots within 8 units, with the next message.
+        """Broadcast a text to the robots within 8 units, with the next message.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class RobotCore:
     # --- a cycle -------------------------------------------------------------------------------------
 
     def take(self, messages: Iterable[Measures]) -> Measures | None:
-        """Take in what has come, oldest first.
+        """Process the messages that have arrived, oldest first.
 
         Parameters
         ----------

@@ -63,7 +63,7 @@ class _TerminatedError(BaseException):
 
 
 def _take_termination() -> Any:
-    """Have SIGTERM raise; return what handled it before, None where that cannot be had."""
+    """Install a handler that raises on SIGTERM; return the old one, None where it cannot be installed."""
 
     def leave(number: int, frame: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # one is enough
@@ -202,7 +202,7 @@ def _tell(
     grids: Sequence[str] = (),
     parameters: Sequence[str] = (),
 ) -> None:
-    """Say once what is odd in the files that are to be read."""
+    """Report once the findings about the files that will be read."""
     from ciberrato.checks.telling import tell
     from ciberrato.checks.things import thing_findings
     from ciberrato.files.lab import parse_lab_file

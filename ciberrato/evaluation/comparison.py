@@ -23,7 +23,7 @@ Pairs = dict[tuple[str, ...], tuple[list[Result], list[Result]]]
 
 
 def compare(results: Sequence[Result], one: str, other: str, fields: Sequence[str]) -> str:
-    """Lay out how soon two drives localize the robot.
+    """Tabulate how soon two drives localize the robot.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Judged(Protocol):
         """Weight of the states that it gave up as too unlikely."""
 
     def observe(self, measures: Measures, command: Command | None) -> None:
-        """Take in a message."""
+        """Process a message."""
 
     def estimate(self) -> Any:
         """Return where the robot is: x, y, heading, probability, certain."""
@@ -127,7 +127,7 @@ class OwnFilter:
         return getattr(self._filter, "restarts", ())
 
     def observe(self, measures: Measures, command: Command | None) -> None:
-        """Take in a message."""
+        """Process a message."""
         self._estimate = None
         self._asked(self._filter.observe, measures, command)
 
@@ -178,7 +178,7 @@ def load_filter(name: str) -> Part:
 
 
 def code_of(filter_name: str, drive: str) -> str:
-    """Digest the sources of the filter and the drive of a task, as far as others wrote them.
+    """Compute a digest of the sources of a task's filter and drive, where they are the user's own.
 
     Parameters
     ----------

@@ -120,7 +120,7 @@ def find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
 
 @functools.cache
 def resolution_of(lab: str) -> float:
-    """Say with which resolution the filter can follow a robot in a lab."""
+    """Return the resolution at which the filter can follow a robot in a lab."""
     from ciberrato.files.lab import read_lab
     from ciberrato.labs import find_lab
     from ciberrato.localization.tables.pose_tables import fine_resolution

@@ -50,7 +50,7 @@ class Record:
 
     @property
     def last_cycle(self) -> int:
-        """With which the run is over, as far as can be said now."""
+        """Last cycle of the run, as far as it is known now."""
         if self.task.settle and self.first_right is not None:
             return min(self.first_right + self.task.settle, self.task.cycles)
         return self.task.cycles

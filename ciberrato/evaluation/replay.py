@@ -248,7 +248,7 @@ def replay(folder: Path, lab: Lab) -> Replay:
 
 
 def _reading_times(recording: Recording) -> list[int]:
-    """When the published method's own agent takes the readings that its file says something about."""
+    """Return when the published method's own agent takes the readings to which its file refers."""
     driven, wheels = 0.0, STANDSTILL
     times = []
     for number, (measures, command) in enumerate(recording.inputs):
@@ -287,7 +287,7 @@ def verdict(block: Floats | None, cell: Cell) -> str:
 
 
 def replay_table(found: Replay) -> str:
-    """Lay a replay out for readers who know neither agent.
+    """Return a replay as a table for readers who know neither agent.
 
     Parameters
     ----------

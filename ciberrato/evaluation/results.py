@@ -134,7 +134,7 @@ def write_table(path: Path, tried: Sequence[Result | Failure]) -> None:
 
 
 def columns_of(tried: Sequence[Result | Failure]) -> Columns:
-    """Lay outcomes out in the columns of `COLUMNS`; each of shape (runs,)."""
+    """Return outcomes as the columns of `COLUMNS`; each of shape (runs,)."""
     rows = [_row(one) for one in tried]
     return {name: _column(name, [row.get(name) for row in rows]) for name in COLUMNS}
 

@@ -73,7 +73,7 @@ def elsewhere(lattice: Lattice, pose: NDArray[np.float64], generator: np.random.
 
 
 def reachable(lattice: Lattice, start: Pose) -> NDArray[np.bool_]:
-    """Squares that can be reached from a pose; shape (squares,)."""
+    """Return the squares that can be reached from a pose; shape (squares,)."""
     rooms = _rooms(lattice)
     away = np.where(rooms >= 0, np.hypot(lattice.x - start[0], lattice.y - start[1]), np.inf)
     return np.asarray(rooms == rooms[away.argmin()])

@@ -87,7 +87,7 @@ class Task:
 
     @property
     def key(self) -> str:
-        """A name for the task; tasks with equal names are equal."""
+        """Name of the task; tasks with equal names are equal."""
         return json.dumps(dataclasses.asdict(self), sort_keys=True)
 
 

@@ -137,7 +137,7 @@ def read_beliefs(path: str | os.PathLike[str]) -> tuple[BeliefRun, ...]:
 
 
 def parse_beliefs(text: str, source: str = "localization.out") -> tuple[BeliefRun, ...]:
-    """As `read_beliefs`, from text.
+    """Return the beliefs in a text, as `read_beliefs` does for a file.
 
     Parameters
     ----------

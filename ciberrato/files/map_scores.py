@@ -146,7 +146,7 @@ def _offset(line: str) -> tuple[float, float]:
 
 
 def _place(x: float, y: float) -> tuple[int, int]:
-    """Column and row of the character at an offset from the start, which is in the middle."""
+    """Return column and row of the character at an offset from the start, which is in the middle."""
     return MAP_COLUMNS // 2 + round(x), MAP_LINES // 2 - round(y)
 
 

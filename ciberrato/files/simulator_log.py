@@ -153,7 +153,7 @@ class SimulatorLog:
 
     @property
     def robot_ids(self) -> tuple[int, ...]:
-        """All robots that appear, in order of their ids."""
+        """Ids of all robots that appear, in ascending order."""
         return tuple(sorted({robot.robot_id for record in self.records for robot in record.robots}))
 
 
@@ -266,7 +266,7 @@ class _LogParser:
         )
 
     def feed(self, data: bytes) -> None:
-        """Take the next piece."""
+        """Parse the next piece."""
         from lxml import etree
 
         text = self._decoder.decode(data)

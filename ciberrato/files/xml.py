@@ -80,7 +80,7 @@ class Reader:
         return LabError(problem, source=self.source, line=element.line)
 
     def real(self, element: Element, attribute: str, default: float) -> float:
-        """Value of an attribute that should hold a real number; 0 where it does not.
+        """Return an attribute that should hold a real number; 0 where it does not.
 
         Raises
         ------
@@ -102,11 +102,11 @@ class Reader:
         raise LabError(problem, source=self.source, line=element.line_of(attribute))
 
     def integer(self, element: Element, attribute: str, default: int) -> int:
-        """Value of an attribute that should hold an integer of 32 bits; 0 where it does not."""
+        """Return an attribute that should hold an integer of 32 bits; 0 where it does not."""
         return self._integer(element, attribute, default, -(2**31), 2**31 - 1)
 
     def natural(self, element: Element, attribute: str, default: int) -> int:
-        """Value of an attribute that should hold an unsigned integer of 32 bits; 0 where it does not."""
+        """Return an attribute that should hold an unsigned integer of 32 bits; 0 where it does not."""
         return self._integer(element, attribute, default, 0, 2**32 - 1)
 
     def _integer(self, element: Element, attribute: str, default: int, least: int, greatest: int) -> int:
@@ -140,7 +140,7 @@ class Reader:
         )
 
     def switch(self, element: Element, attribute: str, default: bool) -> bool:
-        """Value of an attribute that is on where it says exactly ``On``."""
+        """Return whether an attribute is on: whether it is exactly ``On``."""
         text = element.attributes.get(attribute)
         if text is None:
             return default

@@ -58,12 +58,12 @@ class Element:
     text: str = ""
 
     def line_of(self, attribute: str) -> int:
-        """Line of an attribute, or of the tag if it has none."""
+        """Return the line of an attribute, or of the tag if it has none."""
         return self.attribute_lines.get(attribute, self.line)
 
 
 def parse_elements(data: bytes, source: str, what: str) -> list[Element]:
-    """All start tags of an XML document, in the order of the document.
+    """Return all start tags of an XML document, in document order.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def parse_elements(data: bytes, source: str, what: str) -> list[Element]:
 
 
 def parse_tree(data: bytes, source: str, what: str) -> etree._Element:
-    """Root of an XML document, see `parse_elements`."""
+    """Return the root of an XML document, see `parse_elements`."""
     if not data.strip():
         raise LabError(f"is empty; give {what} file", source=source, line=1)
     root, faults = _parsed(data)
@@ -99,7 +99,7 @@ def parse_tree(data: bytes, source: str, what: str) -> etree._Element:
 
 
 def _parsed(data: bytes, **options: Any) -> tuple[etree._Element | None, list[tuple[int, int, str]]]:
-    """Root, or None and the faults: their code, line and message."""
+    """Return the root, or None and the faults: their code, line and message."""
     from lxml import etree
 
     parser = etree.XMLParser(
@@ -157,7 +157,7 @@ def _problem(code: int | None, message: str, what: str) -> str:
 
 
 def elements_of(root: etree._Element, data: bytes) -> list[Element]:
-    """All elements of a tree, in the order of the document.
+    """Return all elements of a tree, in document order.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def elements_of(root: etree._Element, data: bytes) -> list[Element]:
 
 
 def end_line(node: etree._Element) -> int:
-    """Line where a start tag ends."""
+    """Return the line where a start tag ends."""
     return int(getattr(node, "sourceline", None) or 1)
 
 
@@ -208,7 +208,7 @@ def _name(node: etree._Element, name: str) -> str:
 
 
 def _tag_lines(data: bytes, encoding: str) -> list[tuple[int, dict[str, int]]]:
-    """For every start tag its line, and the lines of its attributes that are on others."""
+    """Return for every start tag its line, and the lines of its attributes that are on others."""
     try:
         text = data.decode(encoding)
     except (LookupError, ValueError):

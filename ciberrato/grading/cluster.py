@@ -46,7 +46,7 @@ class Done:
 def on_cluster(
     course: Course, tasks: Sequence[Task], kind: str, address: str, recordings: Path
 ) -> Iterator[tuple[Task, tuple[Outcome, dict[str, Any]] | RunError]]:
-    """Do runs on a cluster.
+    """Run tasks on a cluster.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def read_files(task: Task) -> dict[str, bytes]:
 
 
 def run_there(course: Course, task: Task, texts: dict[str, bytes], files: bytes | None, kind: str) -> Done:
-    """Do a run on a worker.
+    """Execute a run on a worker.
 
     Parameters
     ----------

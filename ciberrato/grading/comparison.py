@@ -82,7 +82,7 @@ def _points(ranked: Sequence[Standing], name: str) -> dict[tuple[str, int], floa
 
 
 def words(comparison: Comparison, one: str, other: str) -> str:
-    """Put a comparison into a line."""
+    """Return a comparison as one line of text."""
     span = ""
     if comparison.interval is not None:
         low, high = comparison.interval

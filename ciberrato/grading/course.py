@@ -179,7 +179,7 @@ class Course:
     secret_seeds: frozenset[int] = frozenset()
 
     def hides(self, lab: GradedLab, seed: int) -> bool:
-        """Say whether published reports leave a run out."""
+        """Return whether published reports leave a run out."""
         return lab.secret or seed in self.secret_seeds
 
 

@@ -30,7 +30,7 @@ class Fields:
 
     @property
     def count(self) -> int:
-        """How many faults were noted so far, everywhere."""
+        """Number of faults noted so far, in all entries."""
         return len(self._faults)
 
     def fault(self, what: str) -> None:
@@ -42,7 +42,7 @@ class Fields:
         return self._table.get(key)
 
     def has(self, key: str) -> bool:
-        """Say whether an entry is there."""
+        """Return whether an entry is present."""
         self._seen.add(key)
         return key in self._table
 

@@ -68,7 +68,7 @@ class Launcher:
         """Control groups that agents are put into."""
 
     def run(self, task: Task) -> tuple[Outcome, dict[str, Any]]:
-        """Do a run.
+        """Execute a run.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class Launcher:
         return outcome, {name: document[name] for name in MEASURED}
 
     def document(self, task: Task, files: Path | None, folder: Path) -> dict[str, Any]:
-        """Do a run, on another port if one is taken.
+        """Execute a run, on another port if one is taken.
 
         Parameters
         ----------

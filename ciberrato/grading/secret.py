@@ -55,7 +55,7 @@ def with_secret(course: Course, path: Path) -> Course:
 
 
 def published(course: Course, ranked: Sequence[Standing]) -> tuple[Course, list[Standing]]:
-    """Leave out what is secret, for a report that all may see.
+    """Remove what is secret, for a report that everyone may read.
 
     Places, totals and the points of public labs are those of all runs; hidden labs are one lab, with the mean
     of their points by their weights. Runs in hidden labs, or with hidden seeds, are not there.

@@ -47,7 +47,7 @@ class Stream:
         self._limit = limit
 
     def add(self, data: bytes) -> None:
-        """Take some more."""
+        """Append the next bytes."""
         if self.count + len(data) > self._limit:
             # So what is kept does not depend on when the process is stopped.
             data = data[: int(self._limit) + 1 - self.count]
@@ -86,7 +86,7 @@ class Run:
         self._next_look = 0.0
 
     def run(self) -> dict[str, Any]:
-        """Do it.
+        """Execute the run.
 
         Returns
         -------
@@ -198,7 +198,7 @@ class Run:
         return True
 
     def _look(self, seconds: float) -> bool:
-        """Take what was written, and hold what the agent uses against its limits."""
+        """Read what was written, and compare what the agent uses with its limits."""
         any_news = self._streams.read(seconds)
         if self._agent is not None and self._stopped is None:
             limits = self._limits
@@ -279,12 +279,12 @@ def last_run(path: str | None) -> dict[str, Any] | None:
 
 
 def main() -> int:
-    """Do the run that standard input asks for."""
+    """Execute the run that standard input describes."""
     return look_after(lambda wanted: Run(wanted).run())
 
 
 def look_after(do: Callable[[dict[str, Any]], dict[str, Any]]) -> int:
-    """Do what a line of standard input asks for, and write what came of it, and its recording.
+    """Execute the request in a line of standard input; write its outcome and its recording.
 
     Parameters
     ----------

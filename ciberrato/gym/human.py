@@ -116,7 +116,7 @@ def _loopback_socket() -> socket.socket:
 
 
 def _arrived(link: socket.socket) -> list[tuple[bytes, tuple[str, int]]]:
-    """Take what has arrived."""
+    """Process what has arrived."""
     taken = []
     for _ in range(_MOST_AT_ONCE):
         try:

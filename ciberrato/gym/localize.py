@@ -48,7 +48,7 @@ class Localize(Task):
         self._most = np.ones(worlds)
 
     def columns(self) -> list[Column]:
-        """Say what the numbers of an observation are."""
+        """Return the names of an observation's numbers."""
         return [
             *super().columns(),
             Column("x of the most probable pose", "units", -1.0, self._size[0] + 1.0),
@@ -60,7 +60,7 @@ class Localize(Task):
         ]
 
     def begin(self, which: Integers, signals: Signals, episodes: Sequence[Episode]) -> None:
-        """Let worlds begin: filters that know nothing are told the first message."""
+        """Begin episodes in some worlds: new filters receive the first message."""
         super().begin(which, signals, episodes)
         for world, episode in zip(which.tolist(), episodes, strict=True):
             pose_filter = GridFilter(episode.lab, _tables(episode.lab), episode.parameters)
@@ -101,7 +101,7 @@ class Localize(Task):
         self._entropy[world] = pose_filter.belief.entropy_bits() / self._most[world]
 
     def observe(self, signals: Signals) -> NDArray[np.float32]:
-        """Put observations together."""
+        """Return the observations."""
         seen = super().observe(signals)
         summary = [
             (one.x, one.y, math.cos(one.heading), math.sin(one.heading), one.probability)
@@ -113,7 +113,7 @@ class Localize(Task):
         return seen
 
     def close(self) -> None:
-        """Let go of the filters."""
+        """Close the filters."""
         self._filters = [None] * self.worlds
 
 

@@ -54,7 +54,7 @@ class Picture:
         return np.asarray(across * across + up * up <= radius * radius)
 
     def _polygon(self, corners: Floats) -> Booleans:
-        """Pixels inside, by the even-odd rule."""
+        """Return the pixels inside, by the even-odd rule."""
         inside = np.zeros((self._y.size, self._x.size), np.bool_)
         up = self._y[:, np.newaxis]
         for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):

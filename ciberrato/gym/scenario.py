@@ -149,7 +149,7 @@ class Scenario:
 
 
 def _solid(walls: WallMap) -> WallMap:
-    """Leave out polygons that are too slim for a robot to be inside them without touching their faces."""
+    """Remove polygons that are too slim for a robot to be inside them without touching their faces."""
     across = 2.0 * ROBOT_RADIUS
     roomy = [one for one in walls.polygons if len(one) and np.ptp(one, axis=0).min() >= across]
     return replace(walls, polygons=tuple(roomy))

@@ -119,7 +119,7 @@ class CiberRatoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Do one cycle.
+        """Run one cycle.
 
         Parameters
         ----------

@@ -16,7 +16,7 @@ PROGRAM = "ciberrato-lab"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make, draw or check labs.
+    """Generate, draw or check labs.
 
     Parameters
     ----------

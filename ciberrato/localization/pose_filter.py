@@ -225,7 +225,7 @@ class PoseFilter:
     # --- messages ---------------------------------------------------------------------------------------
 
     def observe(self, measures: Measures, command: Command | None = None) -> Estimate:
-        """Take in a message and return where the robot is.
+        """Process a message and return the estimate of the pose.
 
         Call it with every message, in order, from the first one on or from any later one. Cycles whose
         message never came are made up for by the command; sensors that a message lacks (None) say nothing. A
@@ -252,7 +252,7 @@ class PoseFilter:
         return self.estimate()
 
     def feed(self, measures: Measures, command: Command | None = None) -> None:
-        """Take in a message as `observe` does, without working out the estimate."""
+        """Process a message as `observe` does, without computing the estimate."""
         if not isinstance(measures, Measures):
             raise TypeError(f"measures: {measures!r:.60} is not a Measures")
         if command is not None and not _is_command(command):
@@ -303,7 +303,7 @@ class PoseFilter:
         )
 
     def reset(self) -> None:
-        """Forget all messages, and begin anew with the same lab, parameters and start."""
+        """Reset the filter: forget all messages; lab, parameters and start stay the same."""
         self._time = None
         self.live = self._begin(self._prior)
 

@@ -106,7 +106,7 @@ class Link(Protocol):
         """
 
     def receive_arrivals(self) -> list[Arrival]:
-        """As `receive_waiting`, with the time of each message's arrival.
+        """Receive messages as `receive_waiting` does, with the time of each message's arrival.
 
         Raises
         ------
@@ -122,4 +122,4 @@ class Link(Protocol):
         """
 
     def close(self) -> None:
-        """Close; again is harmless."""
+        """Close the link; closing again is harmless."""

@@ -164,7 +164,7 @@ class TcpLink:
         return connection
 
     def _read(self) -> bool:
-        """Take one segment; False if there is none."""
+        """Read one segment; return False if there is none."""
         if not self._connected:
             return False
         try:

@@ -29,7 +29,7 @@ STANDSTILL: Command = (0.0, 0.0)
 
 
 def clamp_power(command: Number) -> Number:
-    """Motor command as the simulator takes it.
+    """Clamp a motor command as the simulator does.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def clamp_power(command: Number) -> Number:
 
 
 def filter_power(command: Number, previous: Number, factor: Number | float = 1.0) -> Number:
-    """Power that a motor gives in a cycle: half way from what it gave before to what it is told.
+    """Compute the power of a motor in a cycle: the mean of its last power and the command.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def filter_power(command: Number, previous: Number, factor: Number | float = 1.0
 
 
 def filter_wheels(command: Command, wheels: Command) -> Command:
-    """Powers that the motors give in a cycle without noise: `filter_power` for the left and the right one.
+    """Compute the powers of both motors in a cycle without noise: `filter_power` for left and right.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def filter_wheels(command: Command, wheels: Command) -> Command:
 
 
 def wrap_angle(angle: Number) -> Number:
-    """Take at most one turn off an angle.
+    """Wrap an angle by at most one turn.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def wrap_angle(angle: Number) -> Number:
 def advance(
     x: Number, y: Number, heading: Number, left: Number, right: Number
 ) -> tuple[Number, Number, Number]:
-    """Pose after one cycle, if nothing is in the way.
+    """Compute the pose after one cycle, if nothing is in the path.
 
     The robot moves along its heading first, then turns.
 

@@ -131,7 +131,7 @@ def attribute(text: str, place: str) -> str:
 
 
 def cdata(text: str, place: str) -> str:
-    """Put text in CDATA sections; the end mark and carriage returns inside it survive.
+    """Return a text in CDATA sections; the end mark and carriage returns inside it survive.
 
     Raises
     ------

@@ -168,7 +168,7 @@ def _without_entity(text: str, element: Element) -> str:
 
 
 def _resolved(text: str) -> str:
-    """Put characters in the place of references; what XML cannot carry becomes a question mark."""
+    """Replace references by characters; what XML cannot carry becomes a question mark."""
     return _REFERENCE.sub(_character, NOT_XML.sub("?", text))
 
 

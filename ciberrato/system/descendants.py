@@ -44,13 +44,13 @@ class Usage(NamedTuple):
 
 
 def adopt_orphans() -> None:
-    """Let processes whose parents have ended become children of this one, not of the system's first."""
+    """Adopt processes whose parents have ended, instead of the system's first process."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SET_SUBREAPER, 1, 0, 0, 0)
 
 
 def die_with_parent() -> None:
-    """Let the system end this process when its parent ends, however that comes about."""
+    """Request that the system ends this process when its parent ends, for whatever reason."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGTERM, 0, 0, 0)
 

@@ -21,7 +21,7 @@ def run_with_sockets(program: Coroutine[Any, Any, _T]) -> _T:
 
 
 def stop_on_signals(loop: asyncio.AbstractEventLoop, stop: Callable[[], None]) -> None:
-    """Let the signals that ask a program to end call a function in a loop; only in the main thread."""
+    """Call a function in a loop on the signals that ask a program to end; only in the main thread."""
     for number in ENDING:
         try:
             loop.add_signal_handler(number, stop)

@@ -63,7 +63,7 @@ class _Poll:
         return self._poll.poll(math.ceil(seconds * 1000.0))
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Close nothing: no resource is held."""
 
 
 class _Select:
@@ -93,11 +93,11 @@ class _Select:
         ]
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Close nothing: no resource is held."""
 
 
 def keep_port(sock: socket.socket) -> None:
-    """Let a socket that is about to be bound have its port alone, and have it again at once.
+    """Reserve a port for a socket that is about to be bound, which can be bound again at once.
 
     Elsewhere than on Windows a port is its owner's anyway, but connections of a program that has just ended
     keep a TCP port for a minute unless SO_REUSEADDR is set. On Windows that option lets others take the port
@@ -110,13 +110,13 @@ def keep_port(sock: socket.socket) -> None:
 
 
 def stamp_arrivals(sock: socket.socket) -> None:
-    """Let the kernel note when each datagram comes, where it can."""
+    """Request the kernel's time stamp of each datagram's arrival, where it can."""
     if _TIMESTAMPS is not None:
         sock.setsockopt(socket.SOL_SOCKET, _TIMESTAMPS, 1)
 
 
 def receive_stamped(sock: socket.socket) -> tuple[bytes, tuple[str, int], float | None]:
-    """Take one datagram.
+    """Receive one datagram.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def receive_stamped(sock: socket.socket) -> tuple[bytes, tuple[str, int], float 
 
 
 def has_address(address: str) -> bool:
-    """Tell whether an IPv4 address is this machine's: macOS has 127.0.0.1 only of all that begin with 127."""
+    """Return whether an IPv4 address is this machine's: of 127/8, macOS has 127.0.0.1 only."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         try:
             sock.bind((address, 0))

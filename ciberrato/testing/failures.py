@@ -87,7 +87,7 @@ def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str
 
 
 def _labelled(label: str, texts: Sequence[str]) -> list[str]:
-    """Put a label before the first of several lines."""
+    """Add a label before the first of several lines."""
     return [f"  {label if number == 0 else '':9s} {text}" for number, text in enumerate(texts)]
 
 

@@ -48,7 +48,7 @@ MARKER: Final = {**RUN, "seeds": None, "seed": 1, "patience": 2.0}
 
 
 def merged(known: Mapping[str, Any], *given: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Put options together, later ones first.
+    """Merge options, later ones first.
 
     Parameters
     ----------

@@ -43,12 +43,12 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _home(config: pytest.Config) -> Path:
-    """Folder of the project: that of its pyproject.toml or pytest.ini, or where pytest was started."""
+    """Return the project's folder: that of its pyproject.toml or pytest.ini, or where pytest was started."""
     return config.rootpath if config.inipath is not None else Path(config.invocation_params.dir)
 
 
 def _marked(item: pytest.Item) -> dict[str, Any]:
-    """Options of all markers, the nearest first.
+    """Return the options of all markers, the nearest first.
 
     Raises
     ------
@@ -102,12 +102,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def ciberrato_seed(request: pytest.FixtureRequest) -> int:
-    """Seed of the test's runs: one of the marker's ``seeds``, or its ``seed``; else 1."""
+    """Return the seed of the test's runs: one of the marker's ``seeds``, or its ``seed``; else 1."""
     return int(_marked(request.node).get("seed", 1))
 
 
 def _told(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Let mistakes in a call be shown at the call, not in here."""
+    """Raise mistakes in a call at the call, not in here."""
 
     @functools.wraps(method)
     def call(*words: Any, **options: Any) -> Any:
@@ -167,7 +167,7 @@ class _Bench:
 
     @_told
     def run(self, command: str | Sequence[str], **given: Any) -> AgentRun:
-        """Let an agent drive once; see docs/test-your-agent.md."""
+        """Run an agent once; see docs/test-your-agent.md."""
         from ciberrato.testing.options import RUN, agent_of, command_words, lab_of, limits_of
         from ciberrato.testing.runs import run_agent
 
@@ -198,7 +198,7 @@ class _Bench:
     def check(
         self, command: str | Sequence[str], rows: str | Sequence[str] = (), **given: Any
     ) -> list[Judged]:
-        """Put an agent through the conformance check; see docs/test-your-agent.md."""
+        """Check an agent with the conformance check; see docs/test-your-agent.md."""
         from ciberrato.grading.conformance.check import check_agent, rows_named
         from ciberrato.grading.conformance.report import text_report
         from ciberrato.grading.sandbox import choose
@@ -265,7 +265,7 @@ def ciberrato_simulator(_ciberrato_bench: _Bench) -> Callable[..., RunningSimula
 
 @pytest.fixture
 def ciberrato_check(_ciberrato_bench: _Bench) -> Callable[..., list[Judged]]:
-    """Put an agent through lost and late messages, Stop, silence: ``ciberrato_check("./robot -h {host}")``.
+    """Check an agent on lost and late messages, Stop, silence: ``ciberrato_check("./robot -h {host}")``.
 
     The test fails with what was done, expected and seen, if a row fails.
     """

@@ -106,11 +106,11 @@ class SimulatorConnection:
 
     @property
     def deadline(self) -> float:
-        """When `tick` has something to do, unless something is received before."""
+        """Time at which `tick` has something to do, unless something is received before."""
         return self._deadline
 
     def start(self, now: float) -> list[Outgoing]:
-        """Begin: register.
+        """Start the connection: register.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class SimulatorConnection:
         return self._search(now)
 
     def receive(self, data: bytes, now: float) -> tuple[SimulatorMessage | None, list[Outgoing]]:
-        """Take a datagram.
+        """Process a datagram.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class SimulatorConnection:
         return message, []
 
     def tick(self, now: float) -> list[Outgoing]:
-        """Do what is due.
+        """Run the tasks that are due.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class SimulatorConnection:
         return [Outgoing(encode(GridRequest()))]
 
     def lost(self, reason: str, now: float) -> None:
-        """Take note that the link broke (over TCP only); registers again after a while.
+        """Handle a broken link (over TCP only); register again after a while.
 
         Parameters
         ----------

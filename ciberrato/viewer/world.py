@@ -65,7 +65,7 @@ class World:
         self._times: deque[tuple[float, int]] = deque()
 
     def receive(self, message: SimulatorMessage, now: float) -> list[Frame]:
-        """Take what the simulator says.
+        """Process a message of the simulator.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class World:
         self.frame = Frame(0, "empty", ())
 
     def rate(self, now: float) -> float:
-        """Cycles a second over the last seconds; 0 when nothing moves."""
+        """Compute the cycles per second over the last seconds; 0 when nothing moves."""
         while len(self._times) > 2 and now - self._times[0][0] > _RATE_SECONDS:
             self._times.popleft()
         if len(self._times) < 2 or now - self._times[-1][0] > _RATE_SECONDS:

@@ -79,7 +79,7 @@ def check_agent(
     readable: tuple[Path, ...] = (),
     step: Callable[[], None] = lambda: None,
 ) -> list[Judged]:
-    """Put an agent through rows.
+    """Check an agent on rows of the conformance table.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class _Examiner(Launcher):
         self._patience = patience
 
     def examine(self, row: Row) -> Judged:
-        """Do a row."""
+        """Check one row."""
         (agent,), (lab,), (seed,) = self._course.agents, self._course.labs, self._course.seeds
         files, failure = self._files(agent)
         if failure is not None:
@@ -170,7 +170,7 @@ class _Examiner(Launcher):
 
 
 def judge_row(row: Row, document: dict[str, Any], registration: float) -> tuple[bool, str]:
-    """Say how a row went.
+    """Return the verdict on a row.
 
     Parameters
     ----------

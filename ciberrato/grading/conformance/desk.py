@@ -124,7 +124,7 @@ class Desk:
     # --- cycles -----------------------------------------------------------------------------------
 
     def compute(self) -> Measures:
-        """Do a cycle of the simulation with what the agent has sent.
+        """Run a cycle of the simulation with what the agent has sent.
 
         Returns
         -------
@@ -179,7 +179,7 @@ class Desk:
         return count > 0
 
     def take(self, seconds: float, what: Measures | None = None, *, until_first: bool = True) -> int:
-        """Take what comes.
+        """Process the messages that have arrived.
 
         Parameters
         ----------

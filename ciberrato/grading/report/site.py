@@ -83,7 +83,7 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
 
 
 def _worth(course: Course, ranked: Sequence[Standing]) -> str:
-    """Say what a run is worth."""
+    """Return a sentence on how many points a run is worth."""
     formula = f"<code>{escape(course.points.formula.text)}</code>"
     if not any(run.extra() for standing in ranked for run, _ in standing.runs):
         maximum = course.points.maximum

@@ -72,13 +72,13 @@ class Seat:
             self.process.stdin.flush()
 
     def end(self) -> None:
-        """Let the supervisor end the agent, and all that it has started."""
+        """Request that the supervisor ends the agent and all processes that it has started."""
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):
             self.process.stdin.close()
 
     def take(self, data: bytes) -> None:
-        """Take what the supervisor says; nothing more: it has ended."""
+        """Process what the supervisor says; no bytes mean that it has ended."""
         self.answer += data
         self.over = self.over or not data
 
@@ -115,7 +115,7 @@ class Match:
         self._seen = 0
 
     def run(self) -> dict[str, Any]:
-        """Do it.
+        """Execute the run.
 
         Returns
         -------
@@ -303,7 +303,7 @@ class Match:
 
 
 def main() -> int:
-    """Do the run that standard input asks for."""
+    """Execute the run that standard input describes."""
     return look_after(lambda wanted: Match(wanted).run())
 
 

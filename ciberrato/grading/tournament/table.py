@@ -47,7 +47,7 @@ class Played(Graded):
 
     @property
     def name(self) -> str:
-        """Which of the agent's runs it is."""
+        """Number of the run among the agent's runs, as text."""
         meeting = self.match.meeting
         return (
             f"{self.task.lab.name}, seed {self.task.seed}, round {meeting.round}, group {meeting.group}, "
@@ -56,7 +56,7 @@ class Played(Graded):
 
     @property
     def row(self) -> str:
-        """How a report's page calls it."""
+        """Name of the row in a report's page."""
         return f"{self.task.file}-{self.start}"
 
     @property

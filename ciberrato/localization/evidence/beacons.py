@@ -81,7 +81,7 @@ def visible(lab: Lab, beacon: Beacon, x: Floats, y: Floats) -> NDArray[np.bool_]
 
 
 def _first_walls(lab: Lab, beacon: Beacon) -> Floats:
-    """Distance from a beacon to the first wall that hides it, in each of `_RAYS` directions."""
+    """Compute the distance from a beacon to the first wall that hides it, in each of `_RAYS` directions."""
     walls = hiding_walls(lab, beacon.height)
     width = 2.0 * math.pi / _RAYS
     to_x, to_y = walls.start[:, 0] - beacon.x, walls.start[:, 1] - beacon.y

@@ -69,11 +69,11 @@ class GpsTracker:
         """Evidence (natural logarithm) that the robot has been moved by hand."""
 
     def headings(self) -> Floats:
-        """Headings of the bins in radians, not wrapped; shape (bins,)."""
+        """Return the headings of the bins in radians, not wrapped; shape (bins,)."""
         return np.asarray(np.arange(_BINS) * _WIDTH + self._offset)
 
     def weights(self) -> Floats:
-        """Probability of each bin, by the GPS alone; shape (bins,)."""
+        """Compute the probability of each bin, by the GPS alone; shape (bins,)."""
         return self._weight
 
     def forget(self) -> None:
@@ -87,7 +87,7 @@ class GpsTracker:
         self._weight = (1.0 - _UNTRUSTED) * self._weight + _UNTRUSTED / _BINS
 
     def move(self, motion: Motion) -> None:
-        """Take in what the wheels did in a cycle.
+        """Update with the motion of the wheels in a cycle.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class GpsTracker:
         self._weight = weight
 
     def observe(self, reading: Place) -> tuple[Floats, bool]:
-        """Take in a reading.
+        """Update with a reading.
 
         Parameters
         ----------
@@ -232,11 +232,11 @@ class GpsOffset:
 
     @property
     def variance(self) -> float:
-        """Along each axis, in units squared."""
+        """Variance along each axis, in units squared."""
         return self._reading_variance / max(self._count, 1) + _POSE_ERROR**2
 
     def learn(self, reading: Place, x: float, y: float) -> None:
-        """Take in a reading at a pose that is known; begin anew if it contradicts what was learnt.
+        """Update with a reading at a known pose; begin anew if it contradicts what was learnt.
 
         Parameters
         ----------
@@ -319,7 +319,7 @@ class GpsSense:
         return PlaceDensity(mean - np.array(offset), variance + self.tracker.variance)
 
     def begin_anew(self, belief: PoseBelief) -> None:
-        """Weigh a belief that has been given up, and is uniform, by what is known all the same.
+        """Weigh a uniform belief, after a restart, by what is known in any case.
 
         After a jump that is the place, by the offset, if it was known. Without a jump the belief was wrong,
         hence the offset too, and it is the heading.

@@ -40,7 +40,7 @@ class MapFit:
         self.since: int | None = None
 
     def observe(self, misfit: float, weight: float, time: int) -> None:
-        """Take in the mean misfit of the readings of a moment.
+        """Update with the mean misfit of the readings at one moment.
 
         Parameters
         ----------

@@ -107,7 +107,7 @@ def _keeps_nodes(turn: Turn, resolution: float) -> bool:
 
 
 def share_alike(turn: Turn, walls: WallMap, places: Floats) -> float:
-    """Share of places from which a lab looks the same after a turn.
+    """Compute the share of places from which a lab looks the same after a turn.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ class MessageAlignment:
         self.wheels, self.time = wheels, time
 
     def take(self, measures: Measures, command: Command | None) -> Moment | None:
-        """Take in a message.
+        """Process a message.
 
         Parameters
         ----------

@@ -131,7 +131,7 @@ class GridFilter:
 
     @property
     def wheels(self) -> Command:
-        """What the wheels gave in the last cycle taken in, as far as the commands say."""
+        """Motion of the wheels in the last cycle processed, according to the commands."""
         return self.alignment.wheels
 
     def command_before(self, time: int) -> Command | None:
@@ -165,7 +165,7 @@ class GridFilter:
         self.alignment.begin_at(wheels, time)
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
-        """Take in one message.
+        """Process one message.
 
         Parameters
         ----------
@@ -278,7 +278,7 @@ class GridFilter:
         self._diffusion.spread(belief, left, right, settings)
 
     def update(self, step: FilterStep, *, on_node: bool = False) -> None:
-        """Take in what the sensors said in a step.
+        """Update the belief with the sensor readings of a step.
 
         Parameters
         ----------
@@ -294,14 +294,14 @@ class GridFilter:
             self.stage.ground.weigh(self.belief, step.ground, self.stage.settings.exponent)
 
     def _judge(self, evidence: float, elsewhere: float, time: int) -> bool:
-        """Hear the alarm, and start anew if it sounds; return whether the belief stays."""
+        """Check the alarm, and restart if it is raised; return whether the belief stays."""
         stays = self.alarm.judge(evidence, elsewhere, self.stage.settings)
         if not stays:
             self.restart(time)
         return stays
 
     def restart(self, time: int) -> None:
-        """Forget everything: every free pose of the first stage is possible."""
+        """Reset the belief: every free pose of the first stage is possible."""
         if self.challenge is not None:
             self.challenge.end()
         if self.refinement is not None:
@@ -317,7 +317,7 @@ class GridFilter:
             self.gps.begin_anew(self.belief)
 
     def _give_way_to(self, stage: Stage, time: int) -> None:
-        """Go on with the belief of another filter, which has turned out to be right."""
+        """Replace the belief by that of another filter, which has turned out to be right."""
         self.restarts.append(time)
         self.alarm.reset()
         self.stage = stage

@@ -98,7 +98,7 @@ class LiveFilter:
         return None if fit is None else fit.since
 
     def mark(self, time: int) -> None:
-        """Have the belief over cells at a message kept in `moments`, as soon as it is taken in.
+        """Request the belief over cells at a message; `moments` has it once the message is processed.
 
         Parameters
         ----------
@@ -110,7 +110,7 @@ class LiveFilter:
             self.moments.take(self.filter.belief, time)
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
-        """Take in a message, and work off as much as the budget allows.
+        """Queue a message, and process as much of the queue as the budget allows.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class LiveFilter:
             self.history.append((measures, command))
 
     def finish(self) -> GridFilter:
-        """Take in everything that is still waiting; without any tables yet, wait for the first.
+        """Process everything that is still waiting; without any tables yet, wait for the first.
 
         Returns
         -------

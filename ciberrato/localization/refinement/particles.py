@@ -125,7 +125,7 @@ class ParticleCloud:
         )
 
     def follow(self, step: FilterStep, share: float) -> None:
-        """Take in a step.
+        """Update with a step.
 
         Parameters
         ----------

@@ -98,7 +98,7 @@ def _spread(
 
 
 def code_distances() -> Floats:
-    """Distances that the codes stand for, falling.
+    """Return the distances that the codes stand for, falling.
 
     Returns
     -------

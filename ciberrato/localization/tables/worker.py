@@ -147,7 +147,7 @@ class TableWorker:
             self._done.set()
 
     def _load_loops(self) -> None:
-        """Let another process compile what is not in numba's cache yet, then load it from there."""
+        """Compile in another process what is not in numba's cache yet, then load it from there."""
         try:
             from ciberrato.localization.belief import compiled
 
