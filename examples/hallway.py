@@ -60,7 +60,7 @@ class Filtered(NamedTuple):
 
 
 def drive(seed: int) -> Drive:
-    """Go round at 20 cm a step; the odometry errs; a door is reported in the step that ends nearest to it."""
+    """Drive round at 20 cm a step; odometry errs; a door is reported in the step that ends nearest to it."""
     rng = np.random.default_rng(seed)
     start = rng.uniform(0.0, 850.0)
     way = start + SPEED * np.arange(STEPS + 1)

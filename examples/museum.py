@@ -154,7 +154,7 @@ def build(cell: float = 0.2, headings: int = 180) -> Museum:
 
 
 def visit(museum: Museum, seed: int) -> Tour:
-    """Take the tour: noisy odometry, and visitors in some beams."""
+    """Simulate the tour: noisy odometry, and visitors in some beams."""
     rng = np.random.default_rng(seed)
     poses = []
     for (x0, y0), (x1, y1) in itertools.pairwise(TOUR):

@@ -188,7 +188,7 @@ def take_all(studio: Studio, folder: Path) -> None:
 
 
 def _record(folder: Path) -> None:
-    """Let the agent drive through a corridor and write its log."""
+    """Record the log of the agent's drive through a corridor."""
     simulator = ("--lab", "corridors", "--grid", "corridors", "--port", "0", "--seed", "7", "--lockstep")
     arguments = (*simulator, "--autostart", "1", "--speed", "20")
     with started(r"listening on udp .*:(\d+)", "simulator_stub", *arguments) as listening:
@@ -199,7 +199,7 @@ def _record(folder: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Take the pictures into a folder, by default docs/figures."""
+    """Write the pictures to a folder, by default docs/figures."""
     words = sys.argv[1:] if arguments is None else arguments
     folder = Path(words[0]) if words else FOLDER
     chromium = shutil.which("chromium")
