@@ -144,7 +144,7 @@ def build_server(
 
 
 def _tell_who_is_heard(options: argparse.Namespace, host: str, notify: Print) -> None:
-    """Say in one line who can reach the simulator, where that may surprise."""
+    """Report in one line who can reach the simulator, where that may surprise."""
     if options.bind is None:
         notify(
             "only programs on this machine are heard; for robots on the network, as in a class: "
@@ -158,7 +158,7 @@ def _tell_who_is_heard(options: argparse.Namespace, host: str, notify: Print) ->
 
 
 def _silent_cycles(options: argparse.Namespace, parameters: Parameters) -> int | None:
-    """Cycles without a word of any robot that end a run; None = any number."""
+    """Return the number of cycles without a message of any robot that end a run; None = any number."""
     seconds: float | None = options.exit_when_silent
     if seconds is None or math.isinf(seconds):
         return None

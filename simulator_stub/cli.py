@@ -66,7 +66,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _take_signals() -> dict[int, Callable[[int, FrameType | None], object] | int | None]:
-    """Let both signals end the process at once, until the server has handlers of its own."""
+    """Install the default action for both signals until the server has handlers of its own."""
     try:
         return {number: signal.signal(number, _leave) for number in ENDING}
     except ValueError:  # not in the main thread: the caller there stops us otherwise

@@ -125,12 +125,12 @@ class Simulation:
 
     @property
     def state(self) -> SimulatorState:
-        """What the simulator does in the coming call of `step`."""
+        """State of the simulator in the coming call of `step`."""
         return self._machine.current
 
     @property
     def robots(self) -> tuple[Robot, ...]:
-        """All robots, removed ones too, in order of their ids: the live records, to look at only."""
+        """Robots in order of their ids, removed ones too: the live records, not to be changed."""
         return tuple(self._robots.values())
 
     def poses(self) -> NDArray[np.float64]:
@@ -154,7 +154,7 @@ class Simulation:
     # --- what others want of it, between cycles -----------------------------------------------------
 
     def register(self, registration: RobotRegistration | RobotBeaconRegistration) -> int | None:
-        """Put a robot on its start position.
+        """Register a robot on its start position.
 
         A robot that carries a beacon is taken only where there is no beacon yet. As in the real simulator its
         beacon stays at (0, 0) wherever the robot goes, and only robots that register later have a sensor for
@@ -209,11 +209,11 @@ class Simulation:
         return robot
 
     def note_client(self) -> None:
-        """Take note that a robot or a view was accepted: the first one makes the simulator leave Ready."""
+        """Register that a robot or a view was accepted: the first one makes the simulator leave Ready."""
         self._machine.handle(SimulatorEvent.CLIENT_ACCEPTED)
 
     def start(self) -> None:
-        """Start, or go on: from the next cycle on time passes. Counts only while stopped."""
+        """Start, or go on: time passes from the next cycle on. Has an effect only while stopped."""
         self._machine.handle(SimulatorEvent.START)
 
     def stop(self) -> None:
@@ -221,7 +221,7 @@ class Simulation:
         self._machine.handle(SimulatorEvent.STOP)
 
     def remove(self, robot_id: int) -> None:
-        """Take a robot out of the world at the end of the coming cycle; unknown ids are ignored."""
+        """Remove a robot from the world at the end of the coming cycle; unknown ids are ignored."""
         if robot_id in self._robots:
             self._robots[robot_id].removal_requested = True
 
@@ -246,7 +246,7 @@ class Simulation:
         robot.wanted = (x, y, heading)
 
     def reset(self, seed: int | np.random.Generator | None = None) -> None:
-        """Forget all robots and begin again, at once.
+        """Reset: forget all robots and begin again, at once.
 
         Parameters
         ----------
@@ -283,7 +283,7 @@ class Simulation:
     # --- a cycle -----------------------------------------------------------------------------------
 
     def step(self, actions: Mapping[int, Wanted] | None = None) -> dict[int, Measures]:
-        """Do one cycle.
+        """Run one cycle.
 
         Parameters
         ----------
@@ -317,7 +317,7 @@ class Simulation:
         return measures
 
     def launch(self) -> dict[int, Measures]:
-        """Do the two cycles that every run begins with, once the robots are registered.
+        """Run the two cycles with which every run begins, once the robots are registered.
 
         The first leaves Ready, the second reads Start.
 
@@ -333,7 +333,7 @@ class Simulation:
     # The four parts of a cycle, for those who have something to do between them.
 
     def begin_cycle(self) -> None:
-        """Forget what lasts one cycle only."""
+        """Reset what lasts one cycle only."""
         self.restart_requested = False
         for robot in self._robots.values():
             robot.begin_cycle(self.world.parameters.requests_per_cycle)
@@ -348,7 +348,7 @@ class Simulation:
         self.restart_requested |= actions.reset
 
     def advance(self) -> dict[int, Measures]:
-        """Let time pass if the simulator is running; measure in any case."""
+        """Advance the time if the simulator is running; measure in any case."""
         present = [robot for robot in self._robots.values() if robot.state is not RobotState.REMOVED]
         running = self.state is SimulatorState.RUNNING
         if running:

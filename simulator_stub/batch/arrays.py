@@ -24,7 +24,7 @@ _CLOSE = 1e-9
 
 
 def move(lab: LabPlan, robots: Integers, state: BatchState, noise: Floats | None) -> None:
-    """Let the motors run and the robots move.
+    """Apply the motors and move the robots.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ class _Source:
             numbers[:, :count] = draw((len(numbers), count))
 
     def renew(self, world: int, root: NoiseRoot, count: int) -> None:
-        """Let a world begin anew."""
+        """Reset a world's numbers."""
         self._roots[world], self._generators[world], self.counts[world] = root, None, count
 
     def detached(self) -> _Source:
@@ -147,7 +147,7 @@ class BatchStream:
         return numbers
 
     def renew(self, worlds: Sequence[int], roots: Sequence[NoiseRoot], counts: Sequence[int]) -> None:
-        """Let some worlds begin anew, at the next cycle; the numbers of the others stay."""
+        """Reset some worlds' numbers at the next cycle; those of the others stay."""
         if self._source.shared:
             self._detach()
         for world, root, count in zip(worlds, roots, counts, strict=True):
@@ -207,7 +207,7 @@ class IdleStream:
         return rows
 
     def renew(self, worlds: Sequence[int], roots: Sequence[NoiseRoot], counts: Sequence[int]) -> None:
-        """Let some worlds begin anew."""
+        """Reset some worlds' numbers."""
         for world, root, count in zip(worlds, roots, counts, strict=True):
             self._tapes[world] = _Tape(root, self._use, count, self._normal)
             self._next[world] = 0

@@ -44,7 +44,7 @@ class LabPlan:
 
     @classmethod
     def build(cls, lab: Lab) -> LabPlan:
-        """Work out the rest."""
+        """Build the derived values."""
         world = World.build(lab, StartGrid(), Parameters())
         targets = [(target.x, target.y, target.radius - ROBOT_RADIUS) for target in lab.targets]
         return cls(world, tables_of(world.walls), np.array(targets).reshape(-1, 3))
@@ -87,7 +87,7 @@ class BatchPlan:
         sensor_angles: tuple[float, float, float, float],
         line_sensor: bool,
     ) -> BatchPlan:
-        """Work out the rest; a lab may be named any number of times."""
+        """Build the derived values; a lab may be named any number of times."""
         distinct = list(dict.fromkeys(labs))
         return cls(
             labs=tuple(LabPlan.build(lab) for lab in distinct),

@@ -179,7 +179,7 @@ class BatchSimulation:
         labs: Lab | Sequence[Lab] | None = None,
         parameters: Parameters | Sequence[Parameters] | None = None,
     ) -> BatchReadings:
-        """Let worlds begin anew; the others do not notice.
+        """Reset some worlds; the others are not affected.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class BatchSimulation:
     # --- a cycle ------------------------------------------------------------------------------------------
 
     def step(self, commands: ArrayLike | None = None, leds: ArrayLike | None = None) -> BatchReadings:
-        """Do one cycle in all worlds.
+        """Run one cycle in all worlds.
 
         Parameters
         ----------
@@ -339,7 +339,7 @@ class BatchSimulation:
     # --- going back ---------------------------------------------------------------------------------------
 
     def snapshot(self) -> BatchSnapshot:
-        """Take down everything, random numbers to come included; cheap."""
+        """Return a snapshot of everything, including the random numbers to come; cheap."""
         return BatchSnapshot(
             self._state.copy(),
             None if self._scores is None else self._scores.copy(),
@@ -348,7 +348,7 @@ class BatchSimulation:
         )
 
     def restore(self, snapshot: BatchSnapshot) -> None:
-        """Go back to a moment of this batch, as often as wanted.
+        """Restore a snapshot of this batch; any number of times.
 
         Parameters
         ----------

@@ -141,7 +141,7 @@ class BatchState(Arrays):
             getattr(self, name)[which] = values
 
     def begin(self, which: Integers, poses: Floats) -> None:
-        """Put robots at rest on their starts, at time 0."""
+        """Place robots at rest on their starts, at time 0."""
         self.start[which] = poses
         self.x[which], self.y[which] = poses[:, 0], poses[:, 1]
         self.heading[which] = poses[:, 2] * math.pi / 180.0
@@ -163,7 +163,7 @@ class BatchState(Arrays):
         return (self.sim_time > 0) & (self.sim_time <= self.time)
 
     def delay(self, sensor: str, reading: NDArray[Any], robots: Integers | None) -> NDArray[Any]:
-        """Put readings in their queue and take the oldest out.
+        """Append readings to their queue and return the oldest.
 
         Parameters
         ----------
@@ -190,7 +190,7 @@ class BatchState(Arrays):
         return oldest
 
     def forget_late_readings(self, robots: Integers) -> None:
-        """Let the queues of some worlds begin anew."""
+        """Clear the queues of some worlds."""
         empty = {"ground": NOWHERE, "beacons": np.nan}
         for sensor, queue in self.delays.items():
             nothing = empty.get(sensor, 0)

@@ -53,7 +53,7 @@ class BatchNoise:
         seeds: Sequence[int | np.random.Generator] | None,
         state: BatchState,
     ) -> None:
-        """Let worlds begin anew, with new seeds or with fresh numbers of those that they have.
+        """Reset worlds, with new seeds or with fresh numbers of the seeds that they have.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class BatchNoise:
                 state.gps_offset[world] = offset
 
     def _counts_of_worlds(self, use: str, state: BatchState) -> list[int]:
-        """How many numbers a cycle each world draws; only beacons are not the same number everywhere."""
+        """Return how many numbers per cycle each world draws; only beacons differ between worlds."""
         if use != "beacons":
             return [self._counts[use]] * self._plan.worlds
         there = [len(lab.world.lab.beacons) for lab in self._plan.labs]

@@ -112,7 +112,7 @@ class WorldFile(Observer):
         self._length += len(text)
 
     def flush(self) -> None:
-        """Let others see what was written."""
+        """Flush the output, so that other programs see what was written."""
         if self._file is None or not self._pieces:
             return
         pieces = [piece.encode() for piece in self._pieces]

@@ -162,7 +162,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
 
 
 def summary(run: dict[str, Any]) -> list[str]:
-    """Put the outcome of a run into lines for people.
+    """Return the outcome of a run as lines of text.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ class CircuitScoring(Scoring):
 
 
 def trace(start: Node, turns: Sequence[int], is_open: Opening, most: int | None = None) -> Circuit:
-    """Go from node to node until the start is met again.
+    """Follow the links from node to node until the start is met again.
 
     Parameters
     ----------

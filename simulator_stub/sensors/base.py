@@ -69,12 +69,12 @@ class Sensor(ABC):
 
     @property
     def request_names(self) -> tuple[str, ...]:
-        """What it is called in SensorRequests; empty if it cannot be asked for."""
+        """Names in SensorRequests; empty if the sensor cannot be requested."""
         return ()
 
     @abstractmethod
     def update(self, robot: Robot, scene: Scene) -> None:
-        """Measure."""
+        """Measure, and store the reading."""
 
     @abstractmethod
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
@@ -101,7 +101,7 @@ class Delay(Generic[Reading]):
         self._queue: deque[Reading] = deque([empty] * latency)
 
     def pass_through(self, reading: Reading) -> Reading:
-        """Put a reading in and take the oldest out."""
+        """Append a reading and return the oldest."""
         if not self._queue:
             return reading
         self._queue.append(reading)

@@ -29,7 +29,7 @@ class ScoreSensor(Sensor):
         return self._present
 
     def update(self, robot: Robot, scene: Scene) -> None:
-        """Nothing yet: scores are counted after the sensors."""
+        """Do nothing: scores are counted after the sensors."""
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
         """Report it if the parameters give the robot the sensor."""

@@ -123,7 +123,7 @@ class Allowance:
         return self._left
 
     def spend(self, cost: int) -> bool:
-        """Take something off what `left` has just told; return whether it is used up."""
+        """Subtract from what `left` has just returned; return whether it is used up."""
         self._left -= cost
         return self._left <= 0
 

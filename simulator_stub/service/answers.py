@@ -102,7 +102,7 @@ class Answers:
         return {"unanswered": self.unanswered, "superseded": self.several, "late": self.late}
 
     def take(self, delay: float | None, now: float) -> None:
-        """Take in that messages have come: the first one of an answer, or more.
+        """Register that messages have come: the first one of an answer, or more.
 
         Parameters
         ----------

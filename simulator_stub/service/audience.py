@@ -88,7 +88,7 @@ class Audience:
         self._notify = notify
 
     def admit(self, peer: Peer, registration: ViewRegistration | PanelRegistration, now: float) -> str | None:
-        """Take a view or a panel.
+        """Admit a view or a panel.
 
         Returns
         -------
@@ -145,7 +145,7 @@ class Audience:
         self.forget_closed()
 
     def forget_closed(self) -> None:
-        """Forget those whose connection has ended."""
+        """Remove those whose connection has ended."""
         for clients in (self.views, self.panels):
             if any(client.peer.closed for client in clients):
                 clients[:] = [client for client in clients if not client.peer.closed]

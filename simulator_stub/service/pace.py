@@ -92,7 +92,7 @@ class Pace(ABC):
         self._due = clock()
 
     def delays(self) -> str:
-        """Put the delays into words."""
+        """Return the delays as text."""
         return f"{self.late} cycles came late, by {self.lost} cycle times in all"
 
     @abstractmethod
@@ -194,7 +194,7 @@ class Lockstep(Pace):
         self._known = dict(self.session.robots)
 
     def _before_measures(self) -> None:
-        """Take what has come while the cycle was computed: no answer to the Measures that go out now."""
+        """Read what came while the cycle was computed: it cannot answer the Measures that go out now."""
         running = self.session.simulation.state is SimulatorState.RUNNING
         if self._poll is None or self._certain or not running:
             self._sent = self._clock()

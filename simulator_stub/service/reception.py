@@ -54,7 +54,7 @@ class Reception:
         return bool(self._waiting)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> None:
-        """Take a message of a client that has not registered.
+        """Process a message of a client that has not registered.
 
         Parameters
         ----------
@@ -97,6 +97,6 @@ class Reception:
             yield newcomer, registration
 
     def put_back(self, newcomer: Newcomer, registration: Registration) -> None:
-        """Let a client wait on that was yielded, behind those that wait already."""
+        """Queue a yielded client again, behind those that wait already."""
         self._by_source[newcomer.source] += 1
         self._waiting.append((newcomer, registration))

@@ -142,7 +142,7 @@ class Session:
         self._grid = encode(simulation.world.grid)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> None:
-        """Take a message of a client that has not registered; a registration is answered in a cycle."""
+        """Process a message of a client that has not registered; a registration is answered in a cycle."""
         self._reception.welcome(newcomer, data)
 
     @property
@@ -161,7 +161,7 @@ class Session:
         return 0 < self._autostart <= len(self.robots) and not self._autostarted
 
     def cycle(self) -> None:
-        """Do one cycle."""
+        """Run one cycle."""
         simulation = self.simulation
         before = simulation.state
         # Judged before anybody registers in this cycle: so every robot sees a stopped cycle first, however
@@ -301,7 +301,7 @@ class Session:
         self._notify(f"robot {robot_id}, {registration.name!r}, registered from {peer.label}")
 
     def _tell_of_start(self) -> None:
-        """Say once what a robot that is there waits for."""
+        """Report once what a registered robot waits for."""
         if self.simulation.state is not SimulatorState.STOPPED or self.start_is_due:
             return
         self._told_of_start = True
@@ -376,7 +376,7 @@ class Session:
             client.dropped = 0
 
     def reset(self, seed: int | None = None) -> None:
-        """Forget all clients and begin again.
+        """Reset: forget all clients and begin again.
 
         Parameters
         ----------
@@ -419,4 +419,4 @@ class Session:
 
 
 def _nothing() -> None:
-    """Have nothing to do."""
+    """Do nothing."""

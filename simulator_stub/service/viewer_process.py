@@ -16,7 +16,7 @@ _SECONDS = 5.0
 
 @contextlib.contextmanager
 def viewer_beside(address: str, http: str, token: str | None = None) -> Iterator[None]:
-    """Let a viewer run while the block does.
+    """Run a viewer while the block runs.
 
     What the viewer prints (where the page is) goes to our standard output. If it cannot start, it says so
     itself, and the simulator goes on without it.

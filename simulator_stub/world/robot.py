@@ -183,14 +183,14 @@ class Robot:
         )
 
     def begin_cycle(self, request_limit: int) -> None:
-        """Forget what lasts one cycle only."""
+        """Reset what lasts one cycle only."""
         self.requests.clear()
         self.requests_left = request_limit
         self.said = None
         self.received.clear()
 
     def apply(self, actions: Actions) -> None:
-        """Take one message of the robot; what it does not mention stays as it is."""
+        """Apply one message of the robot; what it does not mention stays as it is."""
         if actions.left_motor is not None:
             self.left_command = _usable(actions.left_motor)
             self.received.add("left_motor")

@@ -64,7 +64,7 @@ class SimulatorStateMachine:
         return self.current is not SimulatorState.RUNNING
 
     def handle(self, event: SimulatorEvent) -> None:
-        """Let an event choose the coming state, if it counts in the current one."""
+        """Handle an event: set the coming state, if the event counts in the current one."""
         chosen = TRANSITIONS.get((self.current, event))
         if chosen is not None:
             self.coming = chosen

@@ -47,7 +47,7 @@ class TcpTransport(Transport):
         self.port = 0
 
     def open(self, host: str, port: int) -> None:
-        """Listen."""
+        """Open the transport."""
         keep_port(self._socket)
         self._socket.bind((host, port))
         self._socket.listen()

@@ -151,7 +151,7 @@ class UdpPeer(Peer):
         self.source = address[0]
 
     def read(self) -> None:
-        """Take one datagram."""
+        """Read one datagram."""
         if self._allowance.left() <= 0:  # called because of an error, while nothing is to be read
             self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             return
