@@ -144,7 +144,7 @@ class Simulation:
         return np.array([(robot.x, robot.y, robot.heading) for robot in self.robots]).reshape(-1, 3)
 
     def acceptance(self) -> Acceptance:
-        """Return what clients are told when they register."""
+        """Return what clients receive when they register."""
         return Acceptance(parameters=self.world.parameters, n_beacons=len(self.world.lab.beacons))
 
     def lab_shown(self) -> Lab:
@@ -264,7 +264,7 @@ class Simulation:
         self._begin_world()
 
     def restart(self) -> None:
-        """Begin again with the robots that are there, at once; the cycle that goes on is the one that starts.
+        """Restart with the present robots, at once; the current cycle is the one that starts.
 
         The robots are put back on their start positions as if they had just registered, motors and LEDs off;
         those that were removed stay so. Random numbers are fresh ones of the same seed.
@@ -366,7 +366,7 @@ class Simulation:
         return {robot.robot_id: self._measures(robot) for robot in present}
 
     def statuses(self) -> tuple[RobotStatus, ...]:
-        """Return what views are told; between `advance` and `end_cycle`, as states change only then."""
+        """Return what views receive; between `advance` and `end_cycle`, as states change only then."""
         targets = len(self.world.lab.targets)
         return tuple(robot.status(self.time, targets) for robot in self._robots.values())
 
@@ -404,7 +404,7 @@ class Simulation:
         return measures
 
     def readings(self, robot: Robot, *, over: bool = False) -> Measures:
-        """Return what the log holds: the last readings, asked for or not, and the LEDs.
+        """Return what the log holds: the last readings, requested or not, and the LEDs.
 
         Parameters
         ----------

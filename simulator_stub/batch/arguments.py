@@ -24,7 +24,7 @@ def for_each(things: Any, kind: type[Thing], count: int, what: str) -> list[Thin
 
 
 def numbers_of_worlds(chosen: ArrayLike, worlds: int) -> Integers:
-    """Turn a mask, or numbers, of worlds into numbers."""
+    """Convert a mask, or numbers, of worlds to numbers."""
     array = np.asarray(chosen)
     if array.dtype == np.bool_:
         if array.shape != (worlds,):

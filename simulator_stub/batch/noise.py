@@ -82,7 +82,7 @@ class _Source:
         self._roots[world], self._generators[world], self.counts[world] = root, None, count
 
     def detached(self) -> _Source:
-        """Make another one that goes on alike, by itself."""
+        """Return a copy that goes on independently with the same numbers."""
         twin = copy.copy(self)
         twin._roots, twin.counts = list(self._roots), list(self.counts)
         twin._generators = copy.deepcopy(self._generators)
@@ -123,7 +123,7 @@ class BatchStream:
         self._next = 0
 
     def copy(self) -> BatchStream:
-        """Make another one that gives the same numbers from here on."""
+        """Return a copy that draws the same numbers from here on."""
         twin = BatchStream.__new__(BatchStream)
         self._source.shared = True
         twin._source, twin._block, twin._next = self._source, self._block, self._next
@@ -190,7 +190,7 @@ class IdleStream:
         self._next = [0] * worlds
 
     def copy(self) -> IdleStream:
-        """Make another one that gives the same numbers from here on: a tape only grows."""
+        """Return a copy that draws the same numbers from here on: a tape only grows."""
         twin = IdleStream(0, self._use, self._count, normal=self._normal)
         twin._tapes, twin._next = list(self._tapes), list(self._next)
         return twin

@@ -112,7 +112,7 @@ class BatchPlan:
         return self._numbers[lab]
 
     def check(self, parameters: Parameters) -> None:
-        """Refuse parameters that ask for other arrays than those of the first world.
+        """Refuse parameters that need other arrays than those of the first world.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class BatchPlan:
                 raise ValueError(f"{name} must be the same in all worlds of a batch: {wanted}, {is_there}")
 
     def uses(self) -> list[tuple[str, int, bool]]:
-        """List what needs random numbers: its name, how many a cycle, whether they are normal."""
+        """List what needs random numbers: its name, how many per cycle, whether they are normal."""
         listed = [("motors", 2, True), ("infrared", SENSORS, True), ("compass", 1, True)]
         if self.shared.gps:
             listed.append(("gps", 2, True))

@@ -58,7 +58,7 @@ class BatchScores(Arrays):
 
     @staticmethod
     def basics(worlds: int) -> dict[str, Any]:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         arrays: dict[str, Any] = {
             name: np.zeros(worlds, np.int64) for name in ("score", "arrival_time", "returning_time")
         }
@@ -115,7 +115,7 @@ class TargetScores(BatchScores):
 
     @classmethod
     def empty(cls, plan: BatchPlan) -> TargetScores:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         worlds = plan.worlds
         most = max(len(lab.targets) for lab in plan.labs)
         return cls(
@@ -246,7 +246,7 @@ class CircuitScores(BatchScores):
 
     @classmethod
     def empty(cls, plan: BatchPlan) -> CircuitScores:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         worlds = plan.worlds
         names = ("nodes", "coming", "reward", "penalty")
         numbers: dict[str, Any] = {name: np.zeros(worlds, np.int64) for name in names}

@@ -21,7 +21,7 @@ class Arrays:
     """A record whose fields are arrays, mostly."""
 
     def copy(self) -> Self:
-        """Make an independent copy of all arrays."""
+        """Return an independent copy of all arrays."""
         arrays = {}
         for entry in fields(self):  # type: ignore[arg-type]
             value = getattr(self, entry.name)
@@ -101,7 +101,7 @@ class BatchState(Arrays):
 
     @classmethod
     def empty(cls, plan: BatchPlan) -> BatchState:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         worlds = plan.worlds
         shapes: dict[str, Any] = {"start": (worlds, 3), "gps_offset": (worlds, 2)}
         types: dict[str, type] = {"Integers": np.int64, "Booleans": np.bool_, "Floats": np.float64}
@@ -153,7 +153,7 @@ class BatchState(Arrays):
         self.forget_late_readings(which)
 
     def copy(self) -> BatchState:
-        """Make an independent copy; readings under way are shared: they are replaced, never written to."""
+        """Return an independent copy; delayed readings are shared: they are replaced, never written to."""
         delays = {name: deque(queue) for name, queue in self.delays.items()}
         return replace(super().copy(), delays=delays)
 

@@ -40,7 +40,7 @@ class BatchNoise:
         }
 
     def copy(self) -> BatchNoise:
-        """Make another one that gives the same numbers from here on."""
+        """Return a copy that draws the same numbers from here on."""
         twin = BatchNoise.__new__(BatchNoise)
         twin._plan, twin._roots, twin._counts = self._plan, list(self._roots), self._counts
         twin._streams = {use: stream.copy() for use, stream in self._streams.items()}

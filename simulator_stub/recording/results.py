@@ -84,7 +84,7 @@ class Results(Observer):
             self._save()
 
     def world_ended(self, simulation: Simulation) -> None:
-        """Keep the outcome, write it down, and tell it."""
+        """Store the outcome, write it, and report it."""
         if simulation.time > 0:
             run = outcome(simulation) | {
                 "run": len(self.runs) + 1,

@@ -11,7 +11,7 @@ GROUP = "ciberrato.scoring"
 
 
 def find_scoring(scoring: int | str | type[Scoring], modes: Mapping[int, type[Scoring]]) -> type[Scoring]:
-    """Find a way of scoring.
+    """Find a scoring mode.
 
     Parameters
     ----------

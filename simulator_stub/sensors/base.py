@@ -64,7 +64,7 @@ class Sensor(ABC):
 
     @property
     def is_present(self) -> bool:
-        """Return whether the robot carries it at all; one that is not there can still be asked for."""
+        """Whether the robot carries it at all; an absent one can still be requested."""
         return True
 
     @property
@@ -81,7 +81,7 @@ class Sensor(ABC):
         """Add to the fields of this cycle's `Measures` what is to be sent."""
 
     def record(self, fields: dict[str, Any]) -> None:  # noqa: B027  # not every sensor is in the log
-        """Add to the fields of `Measures` what the log holds: the reading, asked for or not."""
+        """Add the log's fields of `Measures`: the reading, requested or not."""
 
 
 class Delay(Generic[Reading]):

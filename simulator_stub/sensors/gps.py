@@ -29,7 +29,7 @@ class GpsSensor(Sensor):
 
     @property
     def is_present(self) -> bool:
-        """Return whether the parameters give the robot one."""
+        """Whether the parameters give the robot one."""
         return self._present
 
     @property

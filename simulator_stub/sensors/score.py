@@ -25,7 +25,7 @@ class ScoreSensor(Sensor):
 
     @property
     def is_present(self) -> bool:
-        """Return whether the parameters give the robot one."""
+        """Whether the parameters give the robot one."""
         return self._present
 
     def update(self, robot: Robot, scene: Scene) -> None:

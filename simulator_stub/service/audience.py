@@ -112,7 +112,7 @@ class Audience:
         return None
 
     def _make_room(self, clients: list[ViewClient], now: float) -> bool:
-        """Make one leave that does not seem to be there any more."""
+        """Remove one that seems to have gone."""
         candidates = [
             client
             for client in clients
@@ -125,7 +125,7 @@ class Audience:
         return True
 
     def tick(self, now: float) -> None:
-        """Note who was heard, and let go of those that have gone."""
+        """Record who was heard, and remove those that have gone."""
         for client in (*self.views, *self.panels):
             if client.heard:
                 client.heard, client.asked, client.since = False, True, now

@@ -261,7 +261,7 @@ class Lockstep(Pace):
 
     @staticmethod
     def _note_answers(pending: list[RobotClient], delay: float | None, now: float) -> list[RobotClient]:
-        """Note who has answered; return who has not."""
+        """Record who has answered; return who has not."""
         still = []
         for client in pending:
             if client.answered:

@@ -47,7 +47,7 @@ class Runs:
         self._farewell = FAREWELL
 
     def go_on(self) -> bool:
-        """Begin the next run if it is time; False if the last one is over."""
+        """Start the next run if it is time; return False if the last one is over."""
         if self._left == 0 or not self._over():
             self._farewell = FAREWELL
             return True

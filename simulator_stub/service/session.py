@@ -211,7 +211,7 @@ class Session:
         return self.robots[robot_id].attendance.document()
 
     def tick(self, now: float) -> None:
-        """Look after views that have gone; called once in a CycleTime or so.
+        """Remove views that have gone; called about once per CycleTime.
 
         Parameters
         ----------
@@ -356,7 +356,7 @@ class Session:
                 self.reset()
 
     def _restart(self) -> None:
-        """Begin again with everybody still registered: what ``Reset="On"`` of a robot asks for."""
+        """Restart with all clients still registered: the effect of a robot's ``Reset="On"``."""
         self._end_world()
         for client in self.robots.values():
             client.attendance = Attendance()

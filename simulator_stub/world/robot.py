@@ -142,7 +142,7 @@ class Robot:
 
     @property
     def heading_degrees(self) -> float:
-        """The true heading as views are told it."""
+        """True heading as views receive it."""
         return self.heading * 180.0 / math.pi
 
     @property

@@ -70,5 +70,5 @@ class SimulatorStateMachine:
             self.coming = chosen
 
     def close_cycle(self) -> None:
-        """Make the coming state the current one."""
+        """Set the current state to the coming one."""
         self.current = self.coming

@@ -47,7 +47,7 @@ class Peer(ABC):
 
     @property
     def exhausted(self) -> bool:
-        """Return whether it has sent more than is read in a cycle."""
+        """Whether it has sent more than is read in a cycle."""
         return False
 
     @abstractmethod
@@ -61,7 +61,7 @@ class Peer(ABC):
         """Read as much of this client as of a robot: its allowance is renewed with each cycle."""
 
     def overflow(self) -> int:
-        """Return how many messages the system has dropped since this was last asked, as it was not read."""
+        """Return how many unread messages the system has dropped since the last call."""
         return 0
 
     @abstractmethod
@@ -129,7 +129,7 @@ class Transport(ABC):
         """Serve the open socket; newcomers' messages go to `welcome`, as many as `meter` allows."""
 
     def tick(self, now: float) -> None:  # noqa: B027 - most have nothing to do
-        """Look after what takes too long; called once in a CycleTime, with the meter's time in seconds."""
+        """Close what takes too long; called once per CycleTime, with the meter's time in seconds."""
 
     def make_room(self) -> None:  # noqa: B027 - most have nothing to let go of
         """Close a client that has not registered: one that has needs a descriptor."""

@@ -171,7 +171,7 @@ class UdpPeer(Peer):
 
     @property
     def exhausted(self) -> bool:
-        """Return whether it has sent more than is read in a cycle."""
+        """Whether it has sent more than is read in a cycle."""
         return self._allowance.exhausted
 
     def serve_every_cycle(self) -> None:
@@ -219,7 +219,7 @@ class Overflow:
         self._counted = 0
 
     def count(self) -> int:
-        """Return how many datagrams were dropped since it was last asked."""
+        """Return how many datagrams were dropped since the last call."""
         try:
             words = self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, 4 * (_DROPS + 1))
             dropped = int(struct.unpack_from("=I", words, 4 * _DROPS)[0])
