@@ -12,7 +12,7 @@ from examples import PROBLEMS
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """List the problems, or run those named; give the exit status."""
+    """List the problems, or run those named; return the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m examples", description="The classic localization problems, solved, with figures."
     )

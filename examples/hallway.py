@@ -113,7 +113,7 @@ def motion_matrix(way: float) -> FloatArray:
 
 
 def error(beliefs: FloatArray, truth: FloatArray) -> FloatArray:
-    """Return the expected distance to the truth, the short way round, cm, shape (steps,)."""
+    """Return the expected distance to the truth, the shorter one, cm, shape (steps,)."""
     away = np.abs(SPACE.axes[0].difference(CENTRES, truth[:, np.newaxis]))
     return np.asarray((beliefs * away).sum(axis=1))
 

@@ -141,7 +141,7 @@ def hall(cell: float) -> OccupancyGrid:
 
 
 def build(cell: float = 0.2, headings: int = 180) -> Museum:
-    """Make map, space, range table and motion model."""
+    """Create map, space, range table and motion model."""
     grid = hall(cell)
     space = pose_grid((*grid.occupied.shape, headings), cell=cell)
     free = ~grid.occupied

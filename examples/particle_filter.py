@@ -205,5 +205,5 @@ class ParticleFilter:
 
 
 def make(setup: FilterSetup) -> ParticleFilter:
-    """Make the filter: what ``--filter examples.particle_filter:make`` names."""
+    """Create the filter: what ``--filter examples.particle_filter:make`` names."""
     return ParticleFilter(setup)

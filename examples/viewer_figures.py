@@ -65,7 +65,7 @@ class Wanderer(threading.Thread):
 
 @contextlib.contextmanager
 def started(pattern: str, module: str, *arguments: str) -> Iterator[re.Match[str]]:
-    """Start a program of ours; gives the first line of its output that matches."""
+    """Start a program of ours; return the first line of its output that matches."""
     command = [sys.executable, "-m", module, *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         try:
@@ -78,7 +78,7 @@ def started(pattern: str, module: str, *arguments: str) -> Iterator[re.Match[str
 
 @contextlib.contextmanager
 def simulated(lab: str, robots: int, *arguments: str) -> Iterator[tuple[str, int, int]]:
-    """Run a simulator with wanderers and a viewer; gives the page, the simulator's and the overlay port."""
+    """Run a simulator with wanderers and a viewer; yield the page, the simulator's and the overlay port."""
     simulator = ("--lab", lab, "--grid", lab, "--port", "0", "--seed", "7", *arguments)
     with started(r"listening on udp .*:(\d+)", "simulator_stub", *simulator) as listening:
         port = int(listening[1])
