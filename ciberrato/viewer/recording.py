@@ -33,7 +33,7 @@ SOURCE = "log"
 def load_recording(
     path: Path, lab_name: str | None, start: tuple[int, int] | None, beliefs: Path | None = None
 ) -> Session:
-    """Make a session that shows a log.
+    """Create a session that shows a log.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ class Session:
     # --- from outside ---------------------------------------------------------------------------
 
     def start(self, now: float) -> list[Outgoing]:
-        """Begin to look for the simulator; the result is to be sent to it."""
+        """Start to look for the simulator; return what is to be sent to it."""
         return [] if self.recording else self.connection.start(now)
 
     def receive(self, data: bytes, now: float) -> list[Outgoing]:

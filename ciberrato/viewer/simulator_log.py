@@ -15,7 +15,7 @@ from ciberrato.world.coordinates import SensorAngles
 def load_simulator_log(
     path: Path, angles: SensorAngles | None = None, notify: Callable[[str], None] = lambda line: None
 ) -> Session:
-    """Make a session that shows a log, of the real simulator or of ours.
+    """Create a session that shows a log, of the real simulator or of ours.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ class World:
         return []
 
     def forget_robots(self) -> None:
-        """Begin with no robots, as the simulator does after a reset."""
+        """Remove all robots, as the simulator does after a reset."""
         self._robots = {}
         self._seen = set()
         self._last_id = -1
