@@ -41,7 +41,7 @@ def folder_of(test: str) -> str:
 
 
 def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str, start: Path) -> list[str]:
-    """Keep what is left of runs, and say so.
+    """Keep the files of runs, and report where.
 
     Parameters
     ----------

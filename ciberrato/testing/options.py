@@ -124,7 +124,7 @@ def command_words(command: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def found(name: str | Path, folders: Sequence[Path]) -> str:
-    """Find a file beside the tests, or where they were started; what is there in neither keeps its name."""
+    """Find a file beside the tests, or where they were started; else return its name as it is."""
     for folder in folders:
         if (folder / name).is_file():
             return str((folder / name).absolute())
@@ -132,7 +132,7 @@ def found(name: str | Path, folders: Sequence[Path]) -> str:
 
 
 def lab_of(options: Mapping[str, Any], folders: Sequence[Path]) -> Any:
-    """Make the world that options ask for.
+    """Create the world that options describe.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def lab_of(options: Mapping[str, Any], folders: Sequence[Path]) -> Any:
 
 
 def limits_of(options: Mapping[str, Any]) -> Any:
-    """Make the limits that options ask for; returns `ciberrato.grading.course.Limits`."""
+    """Create the limits that options describe; returns `ciberrato.grading.course.Limits`."""
     from ciberrato.grading.course import Limits
 
     values = {name: options[name] for name in LIMITS}
@@ -200,7 +200,7 @@ def limits_of(options: Mapping[str, Any]) -> Any:
 
 
 def agent_of(options: Mapping[str, Any], command: tuple[str, ...], folder: Path) -> Any:
-    """Make the agent that options ask for; returns `ciberrato.grading.course.Agent`."""
+    """Create the agent that options describe; returns `ciberrato.grading.course.Agent`."""
     from ciberrato.grading.course import Agent
 
     build = None if options["build"] is None else command_words(options["build"])

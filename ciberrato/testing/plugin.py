@@ -38,7 +38,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marker known."""
+    """Register the marker."""
     config.addinivalue_line("markers", _MARKER)
 
 
@@ -79,7 +79,7 @@ def _kept(config: pytest.Config) -> Path:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Make a test of each seed."""
+    """Create a test for each seed."""
     if metafunc.definition.get_closest_marker("ciberrato") is None:
         return
     from ciberrato.errors import UsageError
@@ -282,7 +282,7 @@ def _failures(item: pytest.Item) -> Path:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Keep what is left of the runs of a test that has failed, and say where."""
+    """Keep the files of the runs of a test that has failed, and report where."""
     report = yield
     runs = item.stash.get(_RUNS, [])
     if report.failed and runs and call.when in ("setup", "call"):

@@ -171,7 +171,7 @@ class RunningSimulator:
         return run
 
     def stop(self) -> None:
-        """End it now; its files are complete then. Stopping twice does no harm."""
+        """Stop it now; its files are complete then. Stopping twice does no harm."""
         if self._process.poll() is None:
             self._process.terminate()
             try:
