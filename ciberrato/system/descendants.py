@@ -228,7 +228,7 @@ def end_all(
 
 
 def _end_tree(child: subprocess.Popen[bytes], seconds: float) -> bool:
-    """End a child with all below it whose parents still run."""
+    """Stop a child with all processes below it whose parents still run."""
     if child.poll() is None and (tool := shutil.which("taskkill")) is not None:
         nothing = subprocess.DEVNULL
         command = [tool, "/F", "/T", "/PID", str(child.pid)]

@@ -26,7 +26,7 @@ class Poller(Protocol):
         """Watch a socket for `READING`, `WRITING` or both."""
 
     def modify(self, sock: socket.socket, events: int, /) -> object:
-        """Watch it for something else."""
+        """Change what a socket is watched for."""
 
     def unregister(self, sock: socket.socket, /) -> object:
         """Stop watching it."""
@@ -35,7 +35,7 @@ class Poller(Protocol):
         """Wait, and return descriptors and events of those that are ready."""
 
     def close(self) -> object:
-        """Free what the system holds for it."""
+        """Release the system's resources."""
 
 
 def poller() -> Poller:
