@@ -112,7 +112,7 @@ def general(value: float) -> str:
 
 
 def exact(value: float) -> str:
-    """Write a number so that reading it gives the same one."""
+    """Return a number as text from which exactly the same number is read."""
     return repr(float(value))
 
 

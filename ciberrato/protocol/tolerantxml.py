@@ -104,7 +104,7 @@ class _Reader:
             pass
 
     def _document_type(self) -> None:
-        """Pass over what follows the name of a document type, up to its end."""
+        """Skip what follows the name of a document type, up to its end."""
         declarations = False
         while (part := self._need(_DOCTYPE_PART)[0]) != ">" or declarations:
             if part in "[]":
@@ -137,7 +137,7 @@ class _Reader:
         return root
 
     def _tag(self) -> tuple[Element, bool]:
-        """Read a start tag; tell whether it is an end tag too."""
+        """Read a start tag; return whether it is an end tag too."""
         element = Element(self._need(_START)[1], {})
         while attribute := self._take(_ATTRIBUTE):
             name, double, single = attribute.groups()
