@@ -52,7 +52,7 @@ def parse_address(text: str, default_port: int = DEFAULT_PORT) -> tuple[str, int
 
 
 def resolve(host: str, port: int) -> tuple[str, int]:
-    """Look a host up, once and for all.
+    """Resolve a host name, once only.
 
     Parameters
     ----------

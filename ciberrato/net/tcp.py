@@ -133,7 +133,7 @@ class TcpLink:
         self.close()
 
     def _take_over(self, connection: socket.socket | None) -> None:
-        """Begin with another connection, or none."""
+        """Replace the connection by another one, or none."""
         self._socket.close()
         self._connected = connection is not None
         self._answered = False
@@ -187,5 +187,5 @@ class TcpLink:
 
 
 def _placeholder() -> socket.socket:
-    """Make a socket that never becomes readable; an unconnected TCP one would always be."""
+    """Create a socket that never becomes readable; an unconnected TCP one would always be."""
     return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
