@@ -164,7 +164,7 @@ class PoseFilter:
     # --- tables -----------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin to fetch the tables, unless that has begun."""
+        """Start to fetch the tables, unless that has begun."""
         if self._closed:
             raise ValueError("the pose filter is closed")
         if not self._started:
@@ -201,7 +201,7 @@ class PoseFilter:
         return True
 
     def close(self) -> None:
-        """End the processes and threads that fetch tables; more calls do no harm.
+        """Stop the processes and threads that fetch tables; more calls do no harm.
 
         What is known stays: with the coarse tables there, messages can still be observed.
         """
@@ -276,7 +276,7 @@ class PoseFilter:
         self.live.observe(measures, command)
 
     def estimate(self) -> Estimate:
-        """Return where the robot is, as far as the messages so far tell."""
+        """Return the estimate of the pose, given the messages so far."""
         found, grid = self.live.estimate(), self.live.filter
         if found is None or grid is None:
             return Estimate(

@@ -27,7 +27,7 @@ _active: ModuleType | None = None
 
 
 def choice() -> str:
-    """Return what the environment asks for.
+    """Return the choice of the environment variable.
 
     Returns
     -------

@@ -77,13 +77,13 @@ class GpsTracker:
         return self._weight
 
     def forget(self) -> None:
-        """Begin anew: any heading, any place."""
+        """Reset: any heading, any place."""
         self._mean = None
         self._weight = np.full(_BINS, 1.0 / _BINS)
         self.suspicion = 0.0
 
     def doubt(self) -> None:
-        """Mix in, with half the weight, what would be the case if the readings so far said nothing."""
+        """Mix in, with half the weight, the belief without the readings so far."""
         self._weight = (1.0 - _UNTRUSTED) * self._weight + _UNTRUSTED / _BINS
 
     def move(self, motion: Motion) -> None:
@@ -184,7 +184,7 @@ class GpsTracker:
         return np.asarray(self._mean[nearest])
 
     def at(self, values: Floats, headings: Floats) -> Floats:
-        """Look up a value of each bin at other headings, averaged over 5 degrees.
+        """Interpolate a value of each bin at other headings, averaged over 5 degrees.
 
         Parameters
         ----------
@@ -220,7 +220,7 @@ class GpsOffset:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Reset."""
         self.value: Place = (0.0, 0.0)
         self._count = 0
         self._doubt = 0.0

@@ -14,7 +14,7 @@ from ciberrato.world.parameters import Parameters
 
 
 def sensors_used(lab: Lab, parameters: Parameters) -> tuple[str, ...]:
-    """Name the sensors that tell the pose filter something.
+    """List the sensors that the pose filter uses.
 
     Parameters
     ----------

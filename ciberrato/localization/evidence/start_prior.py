@@ -65,7 +65,7 @@ ANYWHERE = StartPrior()
 
 
 def parse_start(text: str) -> StartPrior:
-    """Read what is known of the start.
+    """Parse what is known of the start.
 
     Parameters
     ----------

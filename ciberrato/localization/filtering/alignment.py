@@ -89,7 +89,7 @@ class MessageAlignment:
         self._messages = 0
 
     def begin_at(self, wheels: Command, time: int | None) -> None:
-        """Begin in the middle of a run, with what the wheels gave and the time of the last message."""
+        """Begin in the middle of a run, with the last motion of the wheels and the last message's time."""
         self.wheels, self.time = wheels, time
 
     def take(self, measures: Measures, command: Command | None) -> Moment | None:
@@ -160,7 +160,7 @@ class MessageAlignment:
 def _motions(
     commands: tuple[Command, ...], wheels: Command, collision: bool | None
 ) -> tuple[list[Motion], Command]:
-    """Return what the wheels do in the cycles between two messages, and what they give in the last."""
+    """Return the motions of the wheels in the cycles between two messages, and the last of them."""
     motions = []
     for number, command in enumerate(commands, start=1):
         wheels = left, right = wheels_after(command, wheels)
@@ -171,13 +171,13 @@ def _motions(
 
 
 def wheels_after(command: Command, wheels: Command) -> Command:
-    """Return what the wheels give in a cycle, from the command in effect and what they gave before."""
+    """Return the motion of the wheels in a cycle, from the command in effect and their motion before."""
     left, right = (filter_power(clamp_power(c), w) for c, w in zip(command, wheels, strict=True))
     return left, right
 
 
 def dead_reckoned(found: PoseEstimate, wheels: Command, commands: list[Command]) -> PoseEstimate:
-    """Move an estimate by commands, one a cycle.
+    """Move an estimate by commands, one per cycle.
 
     Parameters
     ----------

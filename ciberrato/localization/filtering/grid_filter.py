@@ -161,7 +161,7 @@ class GridFilter:
     # --- what happens -----------------------------------------------------------------------------------
 
     def begin_at(self, wheels: Command, time: int | None) -> None:
-        """Begin in the middle of a run, with what the wheels gave and the time of the last message."""
+        """Begin in the middle of a run, with the last motion of the wheels and the last message's time."""
         self.alignment.begin_at(wheels, time)
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:

@@ -66,11 +66,11 @@ class Interruption:
         self._kept: list[_Kept] = []
 
     def begin(self, share: float) -> None:
-        """Begin a way, which was the robot's with this probability."""
+        """Begin a drive, which was the robot's with this probability."""
         self._number, self._share, self._way = 0, 0.0, share
 
     def keep(self, belief: PoseBelief) -> None:
-        """Note a belief at which the robot may have stopped."""
+        """Store a belief at which the robot may have stopped."""
         self._share += float(self._shares[self._number])
         self._number += 1
         if self._number % self._step == 0 or self._number == len(self._shares) - 1:
@@ -78,14 +78,14 @@ class Interruption:
             self._share = 0.0
 
     def end(self, belief: PoseBelief) -> None:
-        """Note the belief at the way's end, of a robot that was not stopped."""
+        """Store the belief at the drive's end, of a robot that was not stopped."""
         self._note(belief, float(self._shares[-1]))
 
     def _note(self, belief: PoseBelief, share: float) -> None:
         self._kept.append(_Kept(self._way * share, belief.copy()))
 
     def mix(self, belief: PoseBelief) -> None:
-        """Make a belief, that at the last way's end, the mixture of all that were noted."""
+        """Replace a belief, that at the end of the last drive, by the mixture of all that were stored."""
         if all(kept.belief.dense is None for kept in self._kept):
             parts = [_moved(belief, kept.belief, kept.share) for kept in self._kept]
             bins, squares, weights = (np.concatenate(column) for column in zip(*parts, strict=True))

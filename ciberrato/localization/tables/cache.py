@@ -150,7 +150,7 @@ def read_tables(path: Path) -> PoseTables | None:
 
 
 def _read(stored: Mapping[str, Any]) -> PoseTables:
-    """Make tables of an archive.
+    """Read tables from an archive.
 
     Raises
     ------

@@ -109,7 +109,7 @@ def code_distances() -> Floats:
 
 
 def encode(distances: Floats) -> Codes:
-    """Turn distances into codes.
+    """Convert distances to codes.
 
     Parameters
     ----------
