@@ -133,7 +133,7 @@ def _draw_things(axis: Any, lab: Lab, grid: StartGrid | None) -> None:
 
 
 def draw_track(lab: Lab, path: Path, poses: Sequence[tuple[float, float]], title: str) -> None:
-    """Draw a lab and the way that a robot has gone through it, from blue to yellow.
+    """Draw a lab and the path that a robot has driven through it, from blue to yellow.
 
     Parameters
     ----------
