@@ -150,7 +150,7 @@ def ideal_reading(distance: float) -> float: ...
 @overload
 def ideal_reading(distance: Floats | Sequence[float]) -> Floats: ...
 def ideal_reading(distance: ArrayLike) -> float | Floats:
-    """Turn a distance into the reading of a sensor without noise and rounding: 1/distance, saturated.
+    """Convert a distance to the reading of a sensor without noise and rounding: 1/distance, saturated.
 
     Parameters
     ----------
