@@ -70,7 +70,7 @@ class Localize(Task):
             self._listen(world, signals, None)
 
     def advance(self, signals: Signals, commands: Floats, active: Booleans) -> Outcome:
-        """Judge a cycle."""
+        """Compute rewards and ends after a cycle."""
         reward = np.zeros(self.worlds)
         claims, right = np.zeros(self.worlds, np.bool_), np.zeros(self.worlds, np.bool_)
         for world in np.flatnonzero(active).tolist():

@@ -34,7 +34,7 @@ class Choices(TypedDict, total=False):
 
 
 def make_task(name: str, worlds: int, choices: Choices) -> tuple[Scenario, Task]:
-    """Make the scenario and the task of an environment.
+    """Create the scenario and the task of an environment.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def action_space() -> spaces.Space[NDArray[np.float32]]:
 
 
 def powers(actions: object, shape: tuple[int, ...]) -> np.ndarray:
-    """Turn actions into motor commands in units a cycle; actions beyond ±1 are clamped.
+    """Convert actions to motor commands in units per cycle; actions beyond ±1 are clamped.
 
     Raises
     ------

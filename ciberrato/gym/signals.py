@@ -57,7 +57,7 @@ class Signals:
 
 
 def of_simulation(simulation: Simulation, measures: Measures, targets: int) -> Signals:
-    """Look at a single simulation with one robot.
+    """Return the signals of a single simulation with one robot.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def of_simulation(simulation: Simulation, measures: Measures, targets: int) -> S
 
 
 def of_batch(batch: BatchSimulation) -> Signals:
-    """Look at a batch that counts scores."""
+    """Return the signals of a batch that counts scores."""
     readings, scores = batch.readings, batch.scores
     assert scores is not None
     assert readings.score is not None

@@ -183,7 +183,7 @@ class CiberRatoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._pictures[number].draw(self._simulation.poses()[0])
 
     def close(self) -> None:
-        """End the viewer, if there is one; more calls do no harm."""
+        """Stop the viewer, if there is one; more calls do no harm."""
         window, self._window = self._window, None
         if window is not None:
             window.close()

@@ -110,7 +110,7 @@ class Task:
         return None
 
     def advance(self, signals: Signals, commands: Floats, active: Booleans) -> Outcome:
-        """Judge a cycle.
+        """Compute rewards and ends after a cycle.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Navigate(Task):
         return lit
 
     def advance(self, signals: Signals, commands: Floats, active: Booleans) -> Outcome:
-        """Judge a cycle."""
+        """Compute rewards and ends after a cycle."""
         reward = (self._score - signals.score) / TARGET_REWARD
         self._score = signals.score.copy()
         return Outcome(reward, signals.finished, signals.finished)
@@ -231,7 +231,7 @@ class Circuit(Task):
         ]
 
     def advance(self, signals: Signals, commands: Floats, active: Booleans) -> Outcome:
-        """Judge a cycle."""
+        """Compute rewards and ends after a cycle."""
         reward = (signals.score - self._score) / NODE_REWARD
         self._score = signals.score.copy()
         # A cell is worth more than a collision costs, so what is gained tells that one was reached.
