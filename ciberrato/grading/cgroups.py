@@ -58,7 +58,7 @@ class Scopes(Groups):
         self._words = ["systemd-run", *user, "--scope", "--quiet", "--collect"]
 
     def works(self) -> bool:
-        """Try it."""
+        """Return whether the limits work, by a trial."""
         words = self.around(["true"], megabytes=64, processes=8)
         with contextlib.suppress(OSError, subprocess.TimeoutExpired):
             nothing = subprocess.DEVNULL
@@ -96,7 +96,7 @@ class Folder(Groups):
         self._ours: Path | None = None
 
     def works(self) -> bool:
-        """Try it; the group that hands out limits must hold no processes, so we move below it if need be."""
+        """Return whether the limits work, by a trial; processes in the group are moved below it if needed."""
         try:
             if not {"memory", "pids"} <= set((self._base / "cgroup.controllers").read_text().split()):
                 return False

@@ -34,7 +34,7 @@ class Fields:
         return len(self._faults)
 
     def fault(self, what: str) -> None:
-        """Note a fault."""
+        """Record a fault."""
         self._faults.append(f"{self._place}: {what}".replace("\n", " "))
 
     def _take(self, key: str) -> Any:
@@ -47,7 +47,7 @@ class Fields:
         return key in self._table
 
     def end(self) -> None:
-        """Note entries that nothing has asked for."""
+        """Record faults for entries that were never read."""
         for key in self._table:
             if key not in self._seen:
                 known = ", ".join(sorted(self._seen))

@@ -149,7 +149,7 @@ class Launcher:
         return 20_000 + secrets.randbelow(12_000)
 
     def end(self) -> None:
-        """End all runs that go on; those that are begun afterwards end at once."""
+        """Stop all runs that go on; those that begin afterwards stop at once."""
         self._ended = True
         for process in tuple(self._running):
             with contextlib.suppress(OSError):
@@ -332,7 +332,7 @@ class Launcher:
 
 
 def takes_port(command: Sequence[str]) -> bool:
-    """Return whether an agent is told the port; others go to 6000."""
+    """Return whether an agent gets the port; others connect to 6000."""
     return any("{port}" in word for word in command)
 
 

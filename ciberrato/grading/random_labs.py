@@ -16,7 +16,7 @@ from ciberrato.version import __version__
 
 
 def random_files(table: Fields, position: int) -> tuple[Path, Path] | None:
-    """Make the lab that an entry ``random = { ... }`` describes.
+    """Create the lab that an entry ``random = { ... }`` describes.
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ def _fetched(agent: Agent, *, network: bool) -> Agent:
 
 
 def _commit(place: Path, address: str, ref: str, *, network: bool) -> str:
-    """Find the commit, fetched; one that is named by its digits is asked for only once."""
+    """Return the commit, fetched; a commit given by its digits is fetched only once."""
     kept = f"refs/graded/{hashlib.sha256(ref.encode()).hexdigest()[:24]}"
     whole = re.fullmatch("[0-9a-f]{40}", ref) is not None
     if network and not (whole and _resolve(place, ref)):
@@ -164,7 +164,7 @@ def _weigh(place: Path, commit: str) -> None:
 
 
 def _environment(extra: dict[str, str]) -> dict[str, str]:
-    """Return the user's environment without what names another repository."""
+    """Return the user's environment without variables that name another repository."""
     # On its own git takes no setting from there, either.
     left_out = ("GIT_",) if extra else _OF_A_REPOSITORY
     kept = {name: value for name, value in os.environ.items() if not name.startswith(left_out)}
@@ -172,7 +172,7 @@ def _environment(extra: dict[str, str]) -> dict[str, str]:
 
 
 def _limit_files() -> None:
-    """Hold what git writes to a size: what is packed small may be large."""
+    """Limit the size of what git writes: what is packed small may be large."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_FSIZE, (2 * MOST_BYTES, 2 * MOST_BYTES))

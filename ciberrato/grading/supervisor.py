@@ -187,7 +187,7 @@ class Run:
         return self._agent is not None and self._agent.poll() is not None
 
     def _until(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Look on until something is so, at the longest so many seconds and while the simulator runs."""
+        """Wait for a condition, at most so many seconds and only while the simulator runs."""
         until = time.monotonic() + seconds
         while not condition():
             if not self._goes_on() or time.monotonic() > until:

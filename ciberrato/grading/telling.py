@@ -4,5 +4,5 @@ PROGRAM = "ciberrato-grade"
 
 
 def shown(name: str) -> str:
-    """Return a name without what a terminal would obey."""
+    """Return a name without the control characters of a terminal."""
     return "".join(sign if sign.isprintable() else "?" for sign in name)

@@ -65,7 +65,7 @@ class Desk:
     # --- registration -----------------------------------------------------------------------------
 
     def await_registration(self) -> RobotRegistration:
-        """Wait for a registration; the one who started us sees to it that it does not take for ever.
+        """Wait for a registration; the parent process limits the time.
 
         Raises
         ------

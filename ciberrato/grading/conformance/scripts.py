@@ -201,7 +201,7 @@ class Examination:
         self._start()
 
     def _start(self) -> None:
-        """Press Start: Measures of the time it is, with the button on."""
+        """Press Start: send Measures of the current time, with the button on."""
         self._pause(1)
         self.desk.simulation.start()
         self._ask(self.desk.compute())

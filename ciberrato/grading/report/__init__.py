@@ -88,7 +88,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
 def publish_report(
     course: Course, ranked: Sequence[Standing], source: Path, folder: Path, *, missing: int
 ) -> None:
-    """Write the report that all may see: without what is secret, and without ``runs.jsonl``.
+    """Write the public report: without what is secret, and without ``runs.jsonl``.
 
     Parameters
     ----------

@@ -212,7 +212,7 @@ class Match:
         return new
 
     def _owner(self, port: int) -> Seat | None:
-        """Find whose process has a port; None if that is not known."""
+        """Find the process that owns a port; None if that is not known."""
         socket = descendants.socket_of(port)
         for seat in self._seats if socket is not None else ():
             if descendants.holds_socket(descendants.descendants(seat.process.pid), str(socket)):
@@ -220,7 +220,7 @@ class Match:
         return None
 
     def _press_start(self, view: UdpLink) -> Seat | None:
-        """Press it when the last robot has had its first cycle, so that every one sees a stopped cycle.
+        """Press Start when the last robot has had its first cycle, so that every one sees a stopped cycle.
 
         Returns who has registered a robot too many meanwhile.
         """
@@ -253,7 +253,7 @@ class Match:
         return all(seat.over for seat in self._seats)
 
     def _until(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Look on until something is so, at the longest so many seconds and while the simulator runs."""
+        """Wait for a condition, at most so many seconds and only while the simulator runs."""
         until = time.monotonic() + seconds
         while not condition():
             if not self._goes_on() or time.monotonic() > until:
@@ -287,7 +287,7 @@ class Match:
         }
 
     def _end(self) -> None:
-        """End all agents, then the simulator, so that it writes what it has."""
+        """Stop all agents, then the simulator, so that it writes what it has."""
         for seat in self._seats:
             seat.end()
         until = time.monotonic() + 30.0
