@@ -105,7 +105,7 @@ class DiscPaths:
         return PathsFrom(self, x, y)
 
     def _near_squares(self, lab: Lab) -> Booleans:
-        """Mark the entries of a table of points whose whole surroundings are too near to a wall."""
+        """Mark the entries of a table of points all of whose neighbourhood is too near to a wall."""
         columns, rows = (math.ceil(size / _SQUARE) + 1 for size in (lab.width, lab.height))
         x, y = _SQUARE * np.arange(columns), _SQUARE * np.arange(rows)
         near = np.zeros((rows, columns), np.bool_)
@@ -141,7 +141,7 @@ class DiscPaths:
         return blocked
 
     def _all_tangents(self) -> list[list[_Tangent]]:
-        """Free tangents between circles, by the circle and side that they leave."""
+        """Compute free tangents between circles, by the circle and side that they leave."""
         n = self._corners.x.size
         leaving: list[list[_Tangent]] = [[] for _ in range(2 * n)]
         rows = max(1, _BLOCK_ELEMENTS // max(1, n))
@@ -256,7 +256,7 @@ class DiscPaths:
 
 @lru_cache(maxsize=8)
 def disc_paths(lab: Lab, radius: float) -> DiscPaths:
-    """Make a `DiscPaths`, or give the one that was made for the same lab."""
+    """Return the `DiscPaths` of a lab, created at the first call."""
     return DiscPaths(lab, radius)
 
 
