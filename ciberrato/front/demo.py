@@ -198,7 +198,7 @@ def announced_port(simulator: subprocess.Popen[str]) -> int:
 
 
 def wait_for_line(process: subprocess.Popen[str], pattern: re.Pattern[str], who: str) -> re.Match[str]:
-    """Pass on what a process prints until a line matches.
+    """Forward what a process prints until a line matches.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def wait_for_line(process: subprocess.Popen[str], pattern: re.Pattern[str], who:
 
 
 def pass_on(process: subprocess.Popen[str]) -> None:
-    """Pass on what a process prints until it ends.
+    """Forward what a process prints until it ends.
 
     Parameters
     ----------
