@@ -322,7 +322,7 @@ class _LogParser:
         return self._ended
 
     def _fault(self) -> LabError:
-        """Make the error that the parser has met."""
+        """Return the error for what the parser has met."""
         fault = self._parser.feed_error_log[0]
         problem, line = fault.message or "error", fault.line
         if mismatch := MISMATCH.search(problem):
@@ -339,7 +339,7 @@ class _LogParser:
         return LabError(problem, source=self._source, line=line)
 
     def header(self) -> LogHeader:
-        """Make the header of what came before the first record."""
+        """Create the header from what came before the first record."""
         missing = [name for name in ("Parameters", "Lab", "Grid") if name not in self._parts]
         if missing:
             raise self._error(f"has no {missing[0]} before its first LogInfo: not a simulator's log", 1)

@@ -99,7 +99,7 @@ def check_unknown_element(element: Element, names: Names, reader: Reader, what: 
 
 
 def check_place(element: Element, root: Element, reader: Reader) -> None:
-    """Note an element that counts although it is inside another one than the root."""
+    """Report an element that counts although its parent is not the root."""
     if element.parent is not None and element.parent is not root:
         inside = element.parent.name
         reader.note(

@@ -76,7 +76,7 @@ class Reader:
         self.warn(element, kind, found, taken, severity="note", **more)
 
     def error(self, element: Element, problem: str) -> LabError:
-        """Make the error that an element deserves; the caller raises it."""
+        """Return the error for an element; the caller raises it."""
         return LabError(problem, source=self.source, line=element.line)
 
     def real(self, element: Element, attribute: str, default: float) -> float:
