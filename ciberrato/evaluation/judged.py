@@ -132,7 +132,7 @@ class OwnFilter:
         self._asked(self._filter.observe, measures, command)
 
     def estimate(self) -> Any:
-        """Return where the robot is; the filter is asked once a message."""
+        """Return the pose of the robot; the filter is called once per message."""
         if self._estimate is None:
             self._estimate = self._looked_at(self._asked(self._filter.estimate))
         return self._estimate

@@ -16,7 +16,7 @@ from ciberrato.evaluation.task import Task
 
 
 def tasks_of(options: argparse.Namespace) -> list[Task]:
-    """List the tasks that a command line asks for.
+    """List the tasks of a command line.
 
     Raises
     ------

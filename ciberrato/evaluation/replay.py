@@ -347,7 +347,7 @@ def _tally(moments: Sequence[Moment], who: str) -> str:
 
 
 def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
-    """Draw the true way, and below it the blocks of both belief files side by side.
+    """Draw the true path, and below it the blocks of both belief files side by side.
 
     Parameters
     ----------
