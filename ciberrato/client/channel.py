@@ -114,7 +114,7 @@ class LinkChannel:
         return message if isinstance(message, Acceptance) else None
 
     def no_answer(self, registration: RobotRegistration, seconds: float) -> CiberratoError:
-        """Return the error for a registration that nobody has accepted."""
+        """Return the error for a registration that was not accepted."""
         if self.refused:
             return refused(self.place, registration.name or "", registration.robot_id)
         return no_answer(self.place, seconds, self.transport)

@@ -87,7 +87,7 @@ class Controls:
         self._core.say(text)
 
     def request(self, *names: str) -> None:
-        """Ask for sensors that come on request only; see `RobotCore.request`.
+        """Request sensors that come on request only; see `RobotCore.request`.
 
         Without it every sensor that needs asking is asked for, in turn where the limit is lower.
         """
@@ -124,7 +124,7 @@ class Controls:
 
     @property
     def lost(self) -> int:
-        """Number of simulated cycles whose Measures never came."""
+        """Number of simulated cycles whose Measures did not arrive."""
         return self._core.lost
 
     @property
@@ -214,7 +214,7 @@ class Controls:
 
     @property
     def _patience(self) -> float:
-        """Seconds to wait for Measures before `_take` is to be told that there are none."""
+        """Seconds to wait for Measures before `_take` is called without any."""
         return max(min(self._waits_since + self._timeout, self._next_stop) - time.monotonic(), 0.0)
 
     def _hear_nothing(self) -> None:

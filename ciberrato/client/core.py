@@ -149,7 +149,7 @@ class RobotCore:
         self._say = text
 
     def request(self, *names: str) -> None:
-        """Ask for sensors that come on request only, with the next message; replaces the automatic requests.
+        """Request sensors that come on request only, with the next message; replaces the automatic requests.
 
         Parameters
         ----------

@@ -33,7 +33,7 @@ class Pace:
         self._heard: deque[tuple[float, int]] = deque(maxlen=_LOOKED_AT)
 
     def heard(self, now: float, time: int) -> None:
-        """Note a message of a simulator that runs.
+        """Register a message of a simulator that runs.
 
         Parameters
         ----------
@@ -49,7 +49,7 @@ class Pace:
 
     @property
     def is_real_time(self) -> bool:
-        """Whether cycles take about as long as announced; not before it can be told."""
+        """Whether cycles take about as long as announced; False before that can be measured."""
         if self._lockstep or len(self._heard) < _LEAST:
             return False
         (first, begin), (last, end) = self._heard[0], self._heard[-1]
