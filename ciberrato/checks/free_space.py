@@ -48,7 +48,7 @@ class FreeSpace:
     part: NDArray[np.int64]
 
     def places(self, part: int) -> NDArray[np.float64]:
-        """Free nodes of a part, shape (n, 2), in units."""
+        """Return the free nodes of a part, shape (n, 2), in units."""
         row, column = np.nonzero((self.part == part) & (self.clearance >= ROBOT_RADIUS - 1e-9))
         return np.stack(((column + 0.5) * self.step, (row + 0.5) * self.step), axis=1)
 
@@ -86,7 +86,7 @@ def blocked(walls: WallMap, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
 
 
 def free_space(lab: Lab) -> FreeSpace | None:
-    """Look where a robot can be.
+    """Compute where a robot can be.
 
     Parameters
     ----------

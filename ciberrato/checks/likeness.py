@@ -48,7 +48,7 @@ def turns_alike(lab: Lab, space: FreeSpace) -> list[tuple[Turn, float]]:
 
 
 def likeness_findings(lab: Lab, space: FreeSpace, source: str, line: int) -> list[Finding]:
-    """Note that a lab looks the same turned round, and rooms that are twins.
+    """Report that a lab looks the same turned round, and rooms that look the same.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def schema_file(kind: str) -> Path:
 
 
 def schema_findings(data: bytes, source: str, kind: str, known: Sequence[Finding]) -> list[Finding]:
-    """Find what the schema does not allow, and no other finding tells.
+    """Find what the schema does not allow and no other finding reports.
 
     Parameters
     ----------
