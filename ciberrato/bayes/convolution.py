@@ -55,7 +55,7 @@ class Kernel(NamedTuple):
 
 
 def gaussian_kernel(mean: float, variance: float, *, tail: float = 1e-9) -> Kernel:
-    """Make a kernel whose mean and variance are those of a Gaussian, so that repeated steps add up right.
+    """Create a kernel with the mean and variance of a Gaussian, so that repeated steps add up right.
 
     A variance of 1 or more is sampled at the cell centres: mean and variance are then right to 1e-7.
     Integrating the density over cells instead would add 1/12 to the variance at every step. Below 1 the

@@ -56,7 +56,7 @@ class Update(_Pair):
 
     @classmethod
     def of(cls, posterior: FloatArray, log_evidence: float, lost: int) -> Update:
-        """Make an update that counts states lost."""
+        """Return an update that counts states lost."""
         result = cls(posterior, log_evidence)
         result.lost = lost
         return result

@@ -108,7 +108,7 @@ class EvidenceMonitor:
 
 
 def inject(belief: ArrayLike, fraction: float, fresh: ArrayLike | None = None) -> FloatArray:
-    """Mix a fresh belief in.
+    """Mix the belief with a fresh one.
 
     Parameters
     ----------

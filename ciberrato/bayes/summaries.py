@@ -75,7 +75,7 @@ class Mode(NamedTuple):
 
 
 def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: float = 0.01) -> list[Mode]:
-    """Split a belief into hills and give those with enough mass.
+    """Split a belief into hills and return those with enough mass.
 
     Each cell leads to its greatest neighbour (orthogonal and diagonal) that is greater than itself; the cells
     that lead to one peak are one hypothesis. Neighbours of equal probability go together, so that a flat top

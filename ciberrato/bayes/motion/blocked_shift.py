@@ -75,7 +75,7 @@ class Openings:
 
     @classmethod
     def free(cls, rows: int, columns: int, *, periodic: bool = False) -> Openings:
-        """Make a grid without inner walls, with an outer wall or, where `periodic`, none at all."""
+        """Create a grid without inner walls, with an outer wall or, where `periodic`, none at all."""
         return cls(
             east=np.ones((rows, columns if periodic else columns - 1), dtype=bool),
             north=np.ones((rows if periodic else rows - 1, columns), dtype=bool),

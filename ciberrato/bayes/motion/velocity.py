@@ -107,7 +107,7 @@ class VelocityNoise:
                 raise ValueError(f"{name} must be finite and 0 or more, not {getattr(self, name)}")
 
     def sigmas(self, command: VelocityCommand) -> tuple[float, float, float]:
-        """Return the standard deviations of the way, the turn and the final turn, 0 or more.
+        """Return the standard deviations of the distance, the turn and the final turn, 0 or more.
 
         Raises
         ------
