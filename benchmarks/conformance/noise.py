@@ -192,7 +192,7 @@ def _merged(table: list[tuple[int, int]]) -> list[tuple[int, int]]:
 
 
 def _heading_row(name: str, folder: Path, meta: dict[str, Any], lab: Lab) -> Finding:
-    """Compare what each cycle adds to the turning, from the headings that views were told."""
+    """Compare what each cycle adds to the turning, from the headings that views received."""
     with gzip.open(folder / f"{name}.csv.gz", "rt", newline="") as file:
         recorded = [float(row["true_dir_deg"] or "nan") for row in csv.DictReader(file) if row["time"] != "0"]
     simulation = _simulation(meta, lab)

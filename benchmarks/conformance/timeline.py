@@ -106,7 +106,7 @@ class Timeline:
 
 
 def read_timeline(path: Path, files: Path, moved: Collection[int] = ()) -> Timeline:
-    """Read a session and tell the cycle of everything that clients sent.
+    """Read a session and return the cycle of everything that clients sent.
 
     Parameters
     ----------

@@ -150,7 +150,7 @@ def _contrast(theirs: bytes, ours: bytes) -> str:
 
 
 def _mask(parameters: Parameters) -> Callable[[bytes], bytes]:
-    """Make the function that blots out what noise decides."""
+    """Create the function that masks what noise decides."""
     p = parameters
     moves = p.motors_noise > 0.0  # then everything that depends on the pose is noisy
     blots = [
@@ -198,7 +198,7 @@ class _RecordingPeer(Peer):
         self._early: list[bytes] = []
 
     def wait_for_reply(self, data: bytes) -> None:
-        """Keep a command that is sent as soon as the Reply arrives."""
+        """Store a command that is sent as soon as the Reply arrives."""
         self._early.append(data)
 
     def send(self, data: bytes) -> None:
@@ -269,7 +269,7 @@ class _Replayer:
 
 
 def _session(timeline: Timeline, files: Path) -> Session:
-    """Make a session from the real simulator's command line."""
+    """Create a session from the real simulator's command line."""
     options = parse_arguments(timeline.arguments)
     names = {"lab_file": options.lab, "grid_file": options.grid}
     for what in ("lab", "grid", "param"):
