@@ -25,7 +25,7 @@ def make_parser() -> OptionParser:
 
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Print the differences, and draw them if asked to; return the exit status."""
+    """Print the differences, and draw them with ``--draw``; return the exit status."""
     from agent.offline.comparison import compare_beliefs, comparison_table
     from ciberrato.files.beliefs import read_beliefs
 

@@ -56,7 +56,7 @@ def make_parser() -> OptionParser:
 
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Draw what is asked for; return the exit status."""
+    """Draw the requested figures; return the exit status."""
     lab, _, _ = read_lab_file(options.map)
     _DRAWINGS[options.what](options, lab)
     print(f"figure: {options.output}")
@@ -146,7 +146,7 @@ def _needed(options: argparse.Namespace, name: str) -> Path:
 
 
 def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] | None:
-    """Look up the true cell of each block; the log tells at which cycle each step was."""
+    """Return the true cell of each block; the log has the cycle of each step."""
     if options.truth is None:
         return None
     from ciberrato.files.run_log import read_run

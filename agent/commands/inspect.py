@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Print what the file says, and draw it if asked to; return the exit status."""
+    """Print the contents of the file, and draw it on request; return the exit status."""
     import shutil
 
     from agent.views.inspection import inspect

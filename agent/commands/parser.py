@@ -75,7 +75,7 @@ def add_strict(parser: argparse.ArgumentParser) -> None:
 
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
-    """Add ``--angles`` and ``--robot``: what a simulator's log does not tell, and whose run of it is meant.
+    """Add ``--angles`` and ``--robot``: what a simulator's log does not hold, and which robot's run is meant.
 
     Parameters
     ----------

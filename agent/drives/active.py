@@ -38,7 +38,7 @@ class _Mode(StrEnum):
 
 
 def make(setup: DriveSetup) -> ActiveDrive:
-    """Make the drive."""
+    """Create the drive."""
     return ActiveDrive(
         setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise, stop=setup.stop_when_localized
     )
@@ -105,7 +105,7 @@ class ActiveDrive:
         return self._roamer.decide(measures, pose_filter)
 
     def _choose(self, pose_filter: GridFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
-        """Choose the first leg of the path that tells most; see `agent.drives.roam.ChooseLeg`."""
+        """Choose the first leg of the most informative path; see `agent.drives.roam.ChooseLeg`."""
         self._since_choice, self._doubt = 0, math.inf
         found = _hypotheses(pose_filter)
         if len(found) > 1:

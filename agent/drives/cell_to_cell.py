@@ -291,7 +291,7 @@ class CellDrive:
         return [centre((int(row), int(column))) for row, column in np.argwhere(self._graph.free)]
 
     def _extend(self) -> None:
-        """Plan on from the last place of the way, in time to go straight on there."""
+        """Extend the path from its last place, in time to go straight on there."""
         last = self._path[-1]
         if last.cell is None or self._beyond:
             return
@@ -312,7 +312,7 @@ class CellDrive:
         self._blocked = self._turned = 0
 
     def _follow(self) -> Command | None:
-        """Return the command for the leg that the robot is on; None if something is in the way."""
+        """Return the command for the leg that the robot is on; None if it is blocked."""
         assert self._pose is not None
         x, y, heading = self._pose
         moved = (self._wheels[0] + self._wheels[1]) / 2.0

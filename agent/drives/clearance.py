@@ -127,7 +127,7 @@ def free_distances(lattice: Lattice, sample: PoseSample, turns: Floats, longest:
 def arc_clearances(
     lattice: Lattice, sample: PoseSample, curvatures: Floats, length: float
 ) -> tuple[Floats, Floats]:
-    """Look along short arcs.
+    """Compute the clearance along short arcs.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ class PredictedReadings:
 def plan(
     tables: PoseTables, hypotheses: list[PoseEstimate], noise: float, barred: NDArray[np.bool_]
 ) -> Plan | None:
-    """Find the path that tells some hypotheses apart best for the time that it takes.
+    """Find the path that best separates some hypotheses for the time that it takes.
 
     Parameters
     ----------

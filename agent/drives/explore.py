@@ -20,7 +20,7 @@ _TURNS = np.deg2rad(np.arange(-165, 181, 15))
 
 
 def make(setup: DriveSetup) -> ExploreDrive:
-    """Make the drive."""
+    """Create the drive."""
     return ExploreDrive(setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise)
 
 

@@ -38,7 +38,7 @@ class GotoPhase(StrEnum):
 
 
 def make(setup: DriveSetup) -> GotoDrive:
-    """Make the drive."""
+    """Create the drive."""
     return GotoDrive(setup.argument, setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise)
 
 
@@ -115,7 +115,7 @@ class GotoDrive:
         return Decision(command=(round(speed - rate / 2.0, 4), round(speed + rate / 2.0, 4)))
 
     def _carrot(self, lattice: Lattice, x: float, y: float) -> tuple[float, float]:
-        """Find the farthest place ahead on the way to which the robot can drive straight on."""
+        """Find the farthest place ahead on the path to which the robot can drive straight on."""
         assert self._costs is not None
         square = _nearest(lattice, x, y)
         reached = (x, y)

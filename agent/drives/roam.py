@@ -81,7 +81,7 @@ class Barred:
         self._headings.clear()
 
     def closed(self, turns: Floats, bumper: Bumper) -> NDArray[np.bool_]:
-        """Return after which turns there is no way to go on.
+        """Return the turns after which no path is open.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Roamer:
         self._last = command
 
     def reconsider(self) -> None:
-        """End the leg that the robot is on; the next may well go on straight ahead."""
+        """End the leg that the robot is on; the next may go on straight ahead."""
         if self.phase is LegPhase.DRIVING and self._driven > _PROGRESS:
             self.phase = LegPhase.CHOOSING
 
@@ -237,7 +237,7 @@ class Roamer:
         self.phase = LegPhase.TURNING
 
     def _turn(self) -> Command:
-        """Turn in place; what the wheels run on by is part of the angle to come."""
+        """Turn in place; the motion after the command is part of the remaining angle."""
         coming = self._to_turn - (self._wheels[1] - self._wheels[0])
         rate = min(max(coming, -2.0 * _TURN_POWER), 2.0 * _TURN_POWER)
         # Noisy motors move a robot that turns: off what it all but touches.

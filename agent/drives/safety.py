@@ -81,7 +81,7 @@ class Bumper:
 
     @property
     def closed(self) -> float:
-        """Radians to both sides of straight ahead in which there is no way to go on."""
+        """Radians to both sides of straight ahead in which no path is open."""
         if self.bumped:
             return math.radians(80.0)
         return math.radians(40.0) if self.ahead > _IN_THE_WAY else 0.0
@@ -117,7 +117,7 @@ class Bumper:
 
     @property
     def open(self) -> bool:
-        """Return whether the sensors see nothing near, neither ahead nor beside."""
+        """Whether the sensors see nothing near, ahead or beside."""
         return self.ahead < _SLOW and max(self.left, self.right) < _SIDE_NEAR and self._closing < _CLOSING
 
     @property
@@ -130,6 +130,6 @@ class Bumper:
 
     @property
     def steer(self) -> float:
-        """Turn away from a wall beside, in radians a cycle (positive to the left)."""
+        """Turn away from a wall beside, in radians per cycle (positive to the left)."""
         push = max(self.right - _SIDE_NEAR, 0.0) - max(self.left - _SIDE_NEAR, 0.0)
         return min(max(0.02 * push, -_MOST_STEER), _MOST_STEER)

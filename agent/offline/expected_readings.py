@@ -237,7 +237,7 @@ class ExpectedReadingsWorker:
         return self._tables
 
     def abandon(self) -> None:
-        """Make the thread end as soon as it can, and wait for that: what it works out is not wanted."""
+        """Stop the thread as soon as possible, and wait for its end: its results are not needed."""
         self._abandoned = True
         self._announced.set()
         if self._thread.is_alive():

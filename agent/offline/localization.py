@@ -97,7 +97,7 @@ def write_localization(
 
 
 def fit_of(run: RecordedRun, expected: ExpectedReadings) -> Fit:
-    """Hold the recorded readings against the lab, whatever the preset.
+    """Compute how well the recorded readings fit the lab, whatever the preset.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Fit(NamedTuple):
 def map_fit(
     readings: Sequence[Sequence[float | None]], expected: ExpectedReadings, obstacle_noise: float = 0.1
 ) -> Fit:
-    """Hold the recorded steps against the lab.
+    """Compute how well the recorded steps fit the lab.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ class _Prediction:
 
 
 def wrong_map(lab: str) -> str:
-    """Return what the user is told of readings that do not fit.
+    """Return the message about readings that do not fit.
 
     Parameters
     ----------

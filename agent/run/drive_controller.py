@@ -98,7 +98,7 @@ class DriveController:
         return self._record(measures, self.exchange.command, answered), actions
 
     def sent(self, time: float) -> None:
-        """Note when the last answer left; see `Exchange.sent`."""
+        """Record when the last answer was sent; see `Exchange.sent`."""
         self.exchange.sent(time)
 
     def _answer(self, measures: Measures, under_way: int) -> Actions:

@@ -37,7 +37,7 @@ class BeliefLog:
         self._logged: NDArray[np.float64] = np.zeros(rows * columns)
 
     def entries(self, time: int) -> tuple[Cells | None, Modes | None]:
-        """Return what is to be logged in a cycle.
+        """Return the log's entries for a cycle.
 
         Parameters
         ----------

@@ -54,7 +54,7 @@ class PublishedMethod:
             self._worker.start()
 
     def announce(self, header: RunHeader) -> None:
-        """Pass on to the worker with which noise the expected readings are to be worked out."""
+        """Send to the worker the noise for which the expected readings are to be computed."""
         assert self._worker is not None
         self._worker.announce(header.parameters)
 

@@ -111,7 +111,7 @@ class Responder(Protocol):
         ...
 
     def sent(self, time: float) -> None:
-        """Note when the last answer left."""
+        """Record when the last answer was sent."""
 
 
 class Method(Protocol):
@@ -122,7 +122,7 @@ class Method(Protocol):
         ...
 
     def begin(self) -> None:
-        """Start what may take long. The registration is on its way."""
+        """Start what may take long. The registration is already sent."""
 
     def announce(self, header: RunHeader) -> None:
         """Process what is known of the run, now that the simulator has answered."""
@@ -156,7 +156,7 @@ class Method(Protocol):
         ...
 
     def close(self) -> None:
-        """End what was started."""
+        """Stop what was started."""
 
 
 class Session:

@@ -101,7 +101,7 @@ def belief_overlay(run: RecordedRun, beliefs: Floats) -> OverlayMessage:
 
 
 def live_belief_overlay(run: RecordedRun, cycle: Cycle, lab: Lab) -> OverlayMessage:
-    """Return which cells the live pose filter took for possible in a cycle.
+    """Return which cells were possible for the live pose filter in a cycle.
 
     Parameters
     ----------

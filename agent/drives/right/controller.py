@@ -40,7 +40,7 @@ class Controller:
         self._colliding = 0
 
     def sent(self, time: float) -> None:
-        """Note when the last answer left; see `Exchange.sent`."""
+        """Record when the last answer was sent; see `Exchange.sent`."""
         self.exchange.sent(time)
 
     def observe(

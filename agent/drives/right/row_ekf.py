@@ -86,12 +86,12 @@ class RowKalmanFilter:
 
     @property
     def speed(self) -> float:
-        """Units a cycle in the last cycle simulated, as far as the commands say."""
+        """Units per cycle in the last cycle simulated, according to the commands."""
         return (self.left + self.right) / 2.0
 
     @property
     def turn(self) -> float:
-        """Radians a cycle in the last cycle simulated, as far as the commands say."""
+        """Radians per cycle in the last cycle simulated, according to the commands."""
         return self.right - self.left
 
     def pose(self, age: int = 0) -> Pose:
@@ -111,7 +111,7 @@ class RowKalmanFilter:
         ]
 
     def widen_heading(self, variance: float) -> None:
-        """Trust the heading less by so much (radians squared)."""
+        """Add variance (radians squared) to the heading."""
         self.covariance[2][2] += variance
 
     def stand(self) -> None:

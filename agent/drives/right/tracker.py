@@ -103,12 +103,12 @@ class CellTracker:
 
     @property
     def speed(self) -> float:
-        """Units a cycle, as far as the commands say."""
+        """Units per cycle, according to the commands."""
         return self._filter.speed
 
     @property
     def turn(self) -> float:
-        """Radians a cycle, as far as the commands say."""
+        """Radians per cycle, according to the commands."""
         return self._filter.turn
 
     @property
@@ -134,7 +134,7 @@ class CellTracker:
 
     @property
     def aligned(self) -> bool:
-        """Return whether the robot looks to the right, as well as can be told."""
+        """Whether the robot heads to the right, as far as the estimate is certain."""
         if abs(self.pose.heading) > _ALIGNED:
             return False
         return not self._moved or self.deviations[2] < 0.7 * _DEGREE or self._rest > _SETTLED
@@ -190,7 +190,7 @@ class CellTracker:
         self._filter.correct([Explanation(1.0, innovation, (0.0, 0.0, 1.0), self._compass_variance)])
 
     def _find_start_heading(self, degrees: float) -> None:
-        """Average the compass until the robot moves; a right angle in reach is taken for the true heading."""
+        """Average the compass until the robot moves; a right angle in reach counts as the true heading."""
         if self._compass_first is None:
             self._compass_first = degrees
         self._compass_count += 1

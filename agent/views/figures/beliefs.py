@@ -93,7 +93,7 @@ def belief_panels(
 
 
 def probability_scale() -> Any:
-    """Make the colour scale of all beliefs: a square root keeps small masses visible beside a certain cell.
+    """Create the colour scale of all beliefs: a square root keeps small masses visible beside a certain cell.
 
     Returns
     -------

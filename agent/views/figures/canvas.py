@@ -29,7 +29,7 @@ _MOST_TITLE = 100
 
 
 def new_figure(width: float, height: float, *, layout: Layout = "constrained") -> Any:
-    """Make an empty figure that needs no screen.
+    """Create an empty figure that needs no screen.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def figure_kind(path: Path) -> str:
-    """Return the format that a figure's file asks for by its ending.
+    """Return the format of a figure's file, by its ending.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def step_names(blocks: int) -> list[str]:
 
 
 def set_step_axis(axis: Any, blocks: int) -> None:
-    """Label an axis whose places are those of `step_names`, from -1.
+    """Label an axis with the `step_names`, from -1.
 
     Parameters
     ----------
