@@ -11,7 +11,7 @@ from ciberrato.files.atomic import replace_file
 
 
 def tell_ready(port: int, file: Path | None, descriptor: int | None) -> None:
-    """Write the port, a line, where somebody waits for it.
+    """Write the port, as one line, for the program that waits for it.
 
     Parameters
     ----------
