@@ -150,7 +150,7 @@ class Studio:
 
 
 def take_all(studio: Studio, folder: Path) -> None:
-    """Take all pictures.
+    """Capture all pictures.
 
     Parameters
     ----------
