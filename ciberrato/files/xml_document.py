@@ -193,7 +193,7 @@ def end_line(node: etree._Element) -> int:
 
 
 def _name(node: etree._Element, name: str) -> str:
-    """Name as written: with its prefix, not with the namespace that it stands for."""
+    """Return the name as written: with its prefix, not with the namespace that it stands for."""
     if not name.startswith("{"):
         return name
     space, local = name[1:].split("}")
