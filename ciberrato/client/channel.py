@@ -81,7 +81,7 @@ class LinkChannel:
         self.link: Link = UdpLink(name, port) if transport == "udp" else TcpLink(name, port)
         self.unreadable = 0
         self.refused = False
-        """Whether somebody has refused the registration."""
+        """Whether the registration has been refused."""
 
     def register(self, registration: RobotRegistration, give_up_after: float) -> Acceptance:
         """Register a robot; see `Channel.register`."""
