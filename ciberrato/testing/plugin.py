@@ -33,7 +33,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--ciberrato-failures",
         default=_FOLDER,
         metavar="DIR",
-        help=f"where logs, pictures and files of tests that failed are kept; default: {_FOLDER}",
+        help=f"folder for logs, pictures and files of tests that failed; default: {_FOLDER}",
     )
 
 
