@@ -1,4 +1,4 @@
-"""The whole path once: simulator, agent, ``localization.out``, a table and a figure.
+"""Run the whole path once: simulator, agent, ``localization.out``, a table and a figure.
 
 Starts the simulator on a free port and the agent as a process of its own, lets the robot drive until a
 wall stops it, sends the agent the signal that Ctrl-C sends, and looks at what it leaves. The agent is told
@@ -46,8 +46,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit status: 0 when the robot ended up most likely where it really is.
     """
     parser = ProgramParser("ciberrato demo", __doc__.partition("\n")[0])
-    parser.add_argument("--seed", type=int, default=7, help="seed of the simulator's noise (7)")
-    parser.add_argument("--folder", type=Path, default=Path("demo"), help="where the files go (demo)")
+    parser.add_argument("--seed", type=int, default=7, help="seed of the simulator's noise; default: 7")
+    parser.add_argument(
+        "--folder", type=Path, default=Path("demo"), help="folder of the files; default: demo"
+    )
     try:
         options = parser.parse_args(argv)
         return demonstrate(options.folder, options.seed)
