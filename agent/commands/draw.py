@@ -30,28 +30,32 @@ def make_parser() -> OptionParser:
         "  walls     the lab as the agent stores it\n"
         "  cones     the sensors in one cell (--cell), and the wall point that each sees\n"
         "  table     what each sensor should read in every cell\n"
-        "  beliefs   a panel a step (--beliefs; --truth rings the true cell)\n"
+        "  beliefs   one panel per step (--beliefs; --truth rings the true cell)\n"
         "  curves    probability and entropy over the steps (--beliefs)\n"
         "  errors    error of the dead reckoning over the run (--run and --truth)",
     )
     add = parser.add_argument
     add("what", choices=("walls", "cones", "table", "beliefs", "curves", "errors"), metavar="WHAT")
     add("-m", "--map", default="standard", metavar="LAB", help="lab file or name; default: standard")
-    add("-o", "--output", type=Path, required=True, metavar="FILE", help="the figure")
-    add("--cell", default="1,1", metavar="X,Y", help="a point of the cell, in units; default: 1,1")
-    add("--heading", type=float, default=0.0, metavar="DEGREES", help="of the robot; default: 0")
+    add("-o", "--output", type=Path, required=True, metavar="FILE", help="figure")
+    add("--cell", default="1,1", metavar="X,Y", help="point of the cell, in units; default: 1,1")
+    add("--heading", type=float, default=0.0, metavar="DEGREES", help="heading of the robot; default: 0")
     add(
         "--angles",
         type=option_types.angles,
         default=(0.0, 90.0, -90.0, 180.0),
         metavar="A,B,C,D",
-        help="of the sensors, degrees; default: 0,90,-90,180",
+        help="angles of the sensors, degrees; default: 0,90,-90,180",
     )
     add("--distance", choices=("sensor", "cone"), default="sensor", help="distance model; default: sensor")
     add("--beliefs", type=Path, metavar="FILE", help="belief file, localization.out")
-    add("--run", type=Path, metavar="FILE", help="the run's log, run.jsonl")
-    add("--truth", type=Path, metavar="FILE", help="the simulator's true poses, CSV")
-    add("--every-step", action="store_true", help="beliefs: cut no tail of certain steps")
+    add("--run", type=Path, metavar="FILE", help="log of the run, run.jsonl")
+    add("--truth", type=Path, metavar="FILE", help="true poses of the simulator, CSV")
+    add(
+        "--every-step",
+        action="store_true",
+        help="draw all steps of beliefs; default: leave out a tail of certain steps",
+    )
     return parser
 
 
