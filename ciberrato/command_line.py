@@ -87,13 +87,13 @@ class Output:
                 self._give_up(error)
 
     def isatty(self) -> bool:
-        """Return whether the stream is a terminal."""
+        """Return whether it is a terminal."""
         return self._stream is not None and self._stream.isatty()
 
     def __getattr__(self, name: str) -> Any:
         stream = self.__dict__.get("_stream")
         if stream is None:  # a stream like any other, to nowhere
-            stream = self.__dict__["_stream"] = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+            stream = self.__dict__["_stream"] = open(os.devnull, "w", encoding="utf-8", newline="\n")  # noqa: SIM115
         return getattr(stream, name)
 
     def _give_up(self, error: OSError) -> None:

@@ -121,7 +121,7 @@ def register(
             return answer
         now = time.monotonic()
         if is_refused:
-            # Any program can say so; if it was not the simulator, the simulator accepts within a cycle.
+            # Any program that knows the port can say so; the simulator itself accepts within a cycle.
             refused = min(refused, now)
         if now >= reminder:
             reporter.say(f"waiting for a simulator at {place} (Ctrl-C ends this)")

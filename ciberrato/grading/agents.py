@@ -59,7 +59,7 @@ def read_agent(table: Fields, folder: Path) -> Agent:
             table.fault(f"git: {git!r} is no address")
     elif ref is not None:
         table.fault("ref: needs git, the address that it is of")
-    if ref is not None and re.fullmatch(r"[A-Za-z0-9_](?!.*\.\.)[\w./+@-]*", ref) is None:
+    if ref is not None and re.fullmatch(r"[A-Za-z0-9_](?!.*\.{2})[\w./+@-]*", ref) is None:
         table.fault(f"ref: {ref!r} is no branch, tag or commit")
     if inside is not None and (Path(inside).is_absolute() or ".." in Path(inside).parts):
         table.fault(f"folder: {inside!r} leads out of the repository")

@@ -14,6 +14,7 @@ from ciberrato.files.start_grid import read_grid
 from ciberrato.geometry.walls import WallMap
 from ciberrato.labs import find_grid, find_lab
 from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -45,6 +46,8 @@ class Episode:
         x, y in units and direction in degrees.
     parameters : Parameters
     """
+
+    __repr__ = short_repr
 
     number: int
     lab: Lab

@@ -41,7 +41,7 @@ def processors() -> int:
 
 
 def give_way() -> None:
-    """Yield the processor once to a waiting process."""
+    """Yield the processor to a process that waits for it."""
     if hasattr(os, "sched_yield"):
         os.sched_yield()
     else:
@@ -108,7 +108,7 @@ def take_any_character(stream: object) -> None:
 
 
 def output_has_gone(error: OSError) -> bool:
-    """Return whether the reader of our standard output has ended; if so, what is still buffered is dropped.
+    """Return whether the reader of standard output has ended; what is still buffered is then dropped.
 
     Writing fails then, on Windows by "invalid argument"; what is buffered must not complain at exit.
     """

@@ -34,6 +34,18 @@ MAIN_DATAGRAMS = 1000
 CONNECTIONS = 64
 """New connections."""
 
+DROPPED = (
+    "robot_messages",
+    "view_messages",
+    "requests",
+    "junk",
+    "registrations",
+    "main_port",
+    "connections",
+    "views",
+)
+"""What may be dropped, by the names in the result file."""
+
 SHORTEST_TICK = 0.005
 """Seconds at the least between renewals by the clock."""
 

@@ -40,6 +40,7 @@ from ciberrato.protocol import (
     fit_reply,
 )
 from simulator_stub.recording.observer import Observer
+from simulator_stub.service.allowance import DROPPED
 from simulator_stub.service.attendance import Attendance
 from simulator_stub.service.audience import Admission, Audience
 from simulator_stub.service.clients import ANSWERS, RobotClient, ViewClient
@@ -52,18 +53,6 @@ from simulator_stub.world.simulator_state import SimulatorState
 
 NAME_LIMIT = 600
 """Characters of a robot's name. The real simulator survives 600 and dies of 850; we refuse what is longer."""
-
-DROPPED = (
-    "robot_messages",
-    "view_messages",
-    "requests",
-    "junk",
-    "registrations",
-    "main_port",
-    "connections",
-    "views",
-)
-"""What may be dropped, by the names in the result file."""
 
 TRIES = 1000
 """Cycles in which a registration is tried, where there is no descriptor for its channel."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ciberrato.reprs import short_repr
+
 Ending = Literal["any", "itself", "clean"]
 """How the agent has to be at the end of a row: as it likes; ended by itself; ended, and without an error."""
 
@@ -39,6 +41,8 @@ class Row:
     hint : str
         What to look for in the agent when it fails.
     """
+
+    __repr__ = short_repr
 
     name: str
     done: str

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ciberrato.grading.conformance.desk import Desk, Fault, Gone
 from ciberrato.grading.conformance.rows import CYCLES, LONG, MOST_UNASKED, QUIET, STOPPED, Ending
 from ciberrato.protocol import Measures, RobotRegistration
+from ciberrato.reprs import short_repr
 
 WHILE_STOPPED = 0.05
 """Seconds that a stopped cycle takes, CycleTime; agents need not answer these."""
@@ -26,6 +27,8 @@ class Seen:
     ending : {"any", "itself", "clean"}
         How the agent has to end.
     """
+
+    __repr__ = short_repr
 
     text: str
     ending: Ending = "any"
