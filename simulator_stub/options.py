@@ -246,7 +246,7 @@ def _scoring(text: str) -> int | str:
             return text
         listed = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
         meant = did_you_mean(name, SCORING_MODES.values())
-        raise argparse.ArgumentTypeError(f"{text!r} is not a scoring mode; these are: {listed}{meant}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a scoring mode; choose one of {listed}{meant}")
     return numbers[name]
 
 

@@ -157,7 +157,7 @@ def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] |
     from ciberrato.files.truth import read_truth, true_cells
 
     if options.run is None:
-        raise UsageError("--truth needs --run, too: the log tells at which cycle each step was")
+        raise UsageError("--truth needs --run, too: the log holds the cycle of each step")
     steps = read_run(options.run).steps
     if len(steps) + 1 != blocks:
         raise UsageError(f"{options.run} has {len(steps)} steps, the belief file {blocks - 1}")

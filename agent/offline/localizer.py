@@ -126,7 +126,7 @@ def localize(
         prior = free / free.sum()
         motion = BlockedShift(openings=Openings(east=expected.east, north=expected.north), blocked="lose")
     else:
-        raise ValueError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+        raise ValueError(f"unknown preset {preset!r}; choose one of {', '.join(PRESETS)}")
     beliefs = [prior]
     log_evidence = np.empty(len(observed))
     recoveries = []

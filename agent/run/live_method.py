@@ -152,7 +152,7 @@ class LiveMethod:
 
         settings, live = self._settings, self._live
         sensors = ", ".join(sensors_used(settings.lab, header.parameters))
-        self._reporter.say(f"the pose is told by {sensors}; start: {live.start}")
+        self._reporter.say(f"the pose is estimated from {sensors}; start: {live.start}")
         self._localizer = PoseFilter(
             settings.lab,
             header.parameters,

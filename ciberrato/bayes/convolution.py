@@ -165,7 +165,7 @@ def fold(full: FloatArray, first: int, size: int, edge: Edge, axis: int) -> Floa
         With `size` entries along `axis`; may share memory with `full`.
     """
     if edge not in EDGES:
-        raise ValueError(f"no edge {edge!r}; there are {', '.join(EDGES)}")
+        raise ValueError(f"unknown edge {edge!r}; choose one of {', '.join(EDGES)}")
     length = full.shape[axis]
     lead = (slice(None),) * axis
     if edge == "wrap":

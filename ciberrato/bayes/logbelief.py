@@ -133,7 +133,7 @@ class LogBelief:
             refuse_log_likelihood(scores)
         if on_impossible not in POLICIES:
             raise ValueError(
-                f"no policy {on_impossible!r} for impossible readings; there are {', '.join(POLICIES)}"
+                f"no policy {on_impossible!r} for impossible readings; choose one of {', '.join(POLICIES)}"
             )
         joint = self.logs + scores
         log_evidence = log_total(joint)

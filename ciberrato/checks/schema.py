@@ -32,7 +32,7 @@ def schema_file(kind: str) -> Path:
         If there is none of that kind.
     """
     if kind not in KINDS:
-        raise UsageError(f"{kind!r} is not a kind of file; these are: {', '.join(KINDS)}")
+        raise UsageError(f"{kind!r} is not a kind of file; choose one of {', '.join(KINDS)}")
     return _FOLDER / f"{kind}.rng"
 
 

@@ -128,7 +128,7 @@ def _writable(log: str | Path) -> Path:
     if path.is_dir():
         raise UsageError(f"{path}: cannot be written: it is a directory")
     if not path.parent.is_dir():
-        raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
+        raise UsageError(f"{path}: cannot be written: no directory {path.parent}; create it")
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise UsageError(f"{path}: cannot be written: no permission")
     return path

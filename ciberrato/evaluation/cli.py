@@ -45,10 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             return _run(make_parser().parse_args(arguments))
         except _TerminatedError:
-            print(f"\n{PROGRAM}: terminated; the same command goes on from here", file=sys.stderr)
+            print(f"\n{PROGRAM}: terminated; the same command continues from here", file=sys.stderr)
             return 143
         except KeyboardInterrupt:
-            print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)
+            print(f"\n{PROGRAM}: interrupted; the same command continues from here", file=sys.stderr)
             return 130
 
     try:

@@ -105,7 +105,7 @@ def find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
                 f"--lab {name}: name the folder of public labs by --labs or CIBERRATO_LABS ({PUBLIC})"
             )
         if not folder.is_dir():
-            raise UsageError(f"--labs {folder}: there is no such folder")
+            raise UsageError(f"--labs {folder}: no such folder; check the path")
         labs = judged_labs(folder) if name == "judged" else all_labs(folder)
         if not labs:
             raise UsageError(f"--labs {folder}: there are no public labs in it ({PUBLIC})")

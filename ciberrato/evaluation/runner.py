@@ -172,7 +172,7 @@ def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
             for future in done:
                 yield future.result()
     except BrokenProcessPool:
-        raise CiberratoError("a process was killed (memory?); the same command goes on from here") from None
+        raise CiberratoError("a process was killed (memory?); the same command continues from here") from None
     except BaseException:
         for child in multiprocessing.active_children():
             child.terminate()

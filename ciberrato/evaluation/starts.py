@@ -60,7 +60,7 @@ def free_pose(lattice: Lattice, generator: np.random.Generator, allowed: NDArray
     """Draw any pose that is free of walls, in squares that are allowed."""
     roomy = np.flatnonzero(allowed & (lattice.clearance >= _LEAST_CLEARANCE + lattice.resolution / 2.0**0.5))
     if not len(roomy):
-        raise LabError("there is no room for a robot", source="lab")
+        raise LabError("no room for a robot; check the walls", source="lab")
     chosen = int(generator.choice(roomy))
     shift = generator.uniform(-0.5, 0.5, 2) * lattice.resolution
     turn = generator.uniform(-math.pi, math.pi)

@@ -129,7 +129,7 @@ def read_beliefs(path: str | os.PathLike[str]) -> tuple[BeliefRun, ...]:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise LabError("there is no such file", source=source) from None
+        raise LabError("no such file; check the path", source=source) from None
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not a text file"
         raise LabError(f"cannot be read: {reason}", source=source) from None

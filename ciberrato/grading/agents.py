@@ -64,7 +64,7 @@ def read_agent(table: Fields, folder: Path) -> Agent:
     if inside is not None and (Path(inside).is_absolute() or ".." in Path(inside).parts):
         table.fault(f"folder: {inside!r} leads out of the repository")
     if place is not None and not place.is_dir():
-        table.fault(f"folder: there is no folder {place}")
+        table.fault(f"folder: no such folder: {place}; check the path")
     elif place is not None and folder.resolve().is_relative_to(place):
         table.fault(f"folder: {given} holds the course itself; put the agent into a folder of its own")
     command = table.words("command", needed=True) or ()

@@ -78,7 +78,7 @@ def _points(ranked: Sequence[Standing], name: str) -> dict[tuple[str, int], floa
         if standing.agent == name:
             return {(run.task.lab.name, run.task.seed): points for run, points in standing.runs}
     known = ", ".join(repr(standing.agent) for standing in ranked)
-    raise UsageError(f"--compare: there are no runs of an agent {name!r}; there are those of: {known}")
+    raise UsageError(f"--compare: no runs of an agent {name!r}; choose one of {known}")
 
 
 def words(comparison: Comparison, one: str, other: str) -> str:

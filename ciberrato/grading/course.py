@@ -241,7 +241,7 @@ def _course(top: Fields, folder: Path) -> Course:
     answer_limit = top.number("answer_limit", None, least=0.001)
     readable = tuple(folder / name for name in top.texts("readable"))
     for missing in (place for place in readable if not place.exists()):
-        top.fault(f"readable: there is no {missing}")
+        top.fault(f"readable: no such file or folder: {missing}")
     image = top.text("image", None)
     limits = _limits(top.table("limits"))
     points = _points(top.table("points"))
@@ -250,7 +250,7 @@ def _course(top: Fields, folder: Path) -> Course:
     agents = tuple(read_agent(table, folder) for table in top.tables("agent"))
     for kind, names in (("lab", [lab.name for lab in labs]), ("agent", [agent.name for agent in agents])):
         for name in sorted({name for name in names if names.count(name) > 1}):
-            top.fault(f"{kind}: the name {name!r} is there more than once")
+            top.fault(f"{kind}: the name {name!r} occurs more than once")
     if labs and sum(lab.weight for lab in labs) <= 0.0:
         top.fault("lab: no weight is greater than 0")
     top.end()

@@ -51,7 +51,7 @@ class Fields:
         for key in self._table:
             if key not in self._seen:
                 known = ", ".join(sorted(self._seen))
-                self.fault(f"there is no entry {key!r}; there are: {known}")
+                self.fault(f"unknown entry {key!r}; the entries are: {known}")
 
     def text(self, key: str, default: Any) -> Any:
         """Read a text."""
@@ -157,7 +157,7 @@ class Fields:
             )
             return (1,)
         if len(set(value)) < len(value):
-            self.fault(f"{key}: a seed is there more than once")
+            self.fault(f"{key}: a seed occurs more than once")
         return tuple(value)
 
     def words(self, key: str, *, needed: bool = False) -> tuple[str, ...] | None:

@@ -84,13 +84,13 @@ def fetch_agents(
 def _fetched(agent: Agent, *, network: bool) -> Agent:
     assert agent.git is not None
     if shutil.which("git") is None:
-        raise UsageError("there is no git here; install it")
+        raise UsageError("git is not installed; install it")
     address, ref = agent.git, agent.ref or "HEAD"
     place = cache_folder() / "agents" / hashlib.sha256(address.encode()).hexdigest()[:24]
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"{place}: cannot be made: {error.strerror}") from None
+        raise UsageError(f"{place}: cannot be created: {error.strerror}") from None
     if not (place / "HEAD").exists():
         _git(["init", "--quiet", "--bare", "--template=", str(place)], _ALONE)
     commit = _commit(place, address, ref, network=network)

@@ -43,11 +43,11 @@ def make_task(name: str, worlds: int, choices: Choices) -> tuple[Scenario, Task]
     """
     if name not in TASKS:
         meant = did_you_mean(name, list(TASKS))
-        raise UsageError(f"no task {name!r}: there are {', '.join(TASKS)}{meant}")
+        raise UsageError(f"unknown task {name!r}; choose one of {', '.join(TASKS)}{meant}")
     unknown = set(choices) - set(Choices.__annotations__)
     if unknown:
         known = ", ".join(Choices.__annotations__)
-        raise UsageError(f"no option {', '.join(sorted(unknown))}: there are {known}")
+        raise UsageError(f"unknown option {', '.join(sorted(unknown))}; the options are {known}")
     kind = TASKS[name]
     scenario = Scenario(
         choices.get("labs", kind.labs),

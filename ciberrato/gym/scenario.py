@@ -123,13 +123,13 @@ class Scenario:
         if "lab" in asked:
             name = asked.pop("lab")
             if name not in self.names:
-                raise UsageError(f"lab: {name!r} is none of {', '.join(self.names)}")
+                raise UsageError(f"lab: {name!r} is not one of {', '.join(self.names)}")
             number = self.names.index(name)
         elif len(self.labs) > 1:
             number = int(generator.integers(len(self.labs)))
         wanted = asked.pop("start", None)
         if asked:
-            raise UsageError(f"options: {', '.join(map(str, asked))}: there are lab and start")
+            raise UsageError(f"options: unknown {', '.join(map(str, asked))}; the options are lab and start")
         start = self._start(number, generator) if wanted is None else _start(wanted)
         parameters = self.parameters
         low, high = self.noise
@@ -182,7 +182,7 @@ def _places(name: str | Lab, lab: Lab, starts: str | Sequence[Start]) -> list[St
         ]
         found = [(x, y, 0.0) for x, y in centres if control.find_circuit(x, y)]
     elif isinstance(starts, str):
-        raise UsageError(f"starts: {starts!r} is none of {', '.join(STARTS)}, nor are they poses")
+        raise UsageError(f"starts: {starts!r} is neither one of {', '.join(STARTS)} nor a list of poses")
     else:
         found = [_start(start) for start in starts]
     if not found:

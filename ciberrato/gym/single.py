@@ -65,7 +65,7 @@ class CiberRatoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         **choices: Unpack[Choices],
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode {render_mode!r} is none of {self.metadata['render_modes']}")
+            raise ValueError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
         self.scenario, self.task = make_task(task, 1, choices)
         self.observation_space = observation_space(self.task)

@@ -108,7 +108,7 @@ def _new(options: argparse.Namespace) -> int:
     paths = [Path(f"{output}_{kind}.xml") for kind in ("lab", "grid")]
     for path in paths:
         if path.exists() and not options.force:
-            raise UsageError(f"{path}: is there already; name another -o, or say --force")
+            raise UsageError(f"{path}: already exists; name another -o, or use --force")
     if options.png is not None:
         from agent.views.figures.canvas import figure_kind
 

@@ -73,7 +73,7 @@ def merged(known: Mapping[str, Any], *given: Mapping[str, Any], where: str) -> d
             if name not in known:
                 listed = ", ".join(known)
                 raise UsageError(
-                    f"{where}: there is no option {name!r}{did_you_mean(name, known)}; there are: {listed}"
+                    f"{where}: unknown option {name!r}{did_you_mean(name, known)}; the options are: {listed}"
                 )
         options |= one
     return options
@@ -168,7 +168,7 @@ def lab_of(options: Mapping[str, Any], folders: Sequence[Path]) -> Any:
     scoring = options["scoring"]
     if scoring not in numbers:
         listed = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
-        raise UsageError(f"scoring={scoring!r}: there is no such mode; there are: {listed}")
+        raise UsageError(f"scoring={scoring!r}: no such mode; choose one of {listed}")
     settings = tuple((name, str(value)) for name, value in sorted(options["settings"].items()))
     path = None if parameters is None else find_parameters(parameters).absolute()
     _, warnings = parse_parameters_with_warnings(parameters_document(path, settings), "settings")

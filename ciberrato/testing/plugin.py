@@ -151,7 +151,7 @@ class _Bench:
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
             raise UsageError(f"seed={seed!r}: a whole number, 0 or more, was expected")
         if sandbox not in KINDS:
-            raise UsageError(f"sandbox={sandbox!r}: there is no such sandbox; there are: {', '.join(KINDS)}")
+            raise UsageError(f"sandbox={sandbox!r}: no such sandbox; choose one of {', '.join(KINDS)}")
         return options
 
     def _folder(self) -> Path:
@@ -162,7 +162,7 @@ class _Bench:
 
         folder = self._home if options["folder"] is None else self._home / options["folder"]
         if not folder.is_dir():
-            raise UsageError(f"folder={options['folder']!r}: there is no folder {folder}")
+            raise UsageError(f"folder={options['folder']!r}: no such folder: {folder}; check the path")
         return folder
 
     @_told

@@ -163,7 +163,7 @@ class Session:
         if simulation.restart_requested and self._restarts:
             self._restart()
         elif simulation.restart_requested:
-            self._complain("a robot asked for a restart: there is none (--no-restart)")
+            self._complain("a robot requested a restart, which --no-restart disables")
         if self._kidnapper is not None:
             self._kidnapper.before_move(simulation)
         for observer in self.observers:
@@ -352,7 +352,7 @@ class Session:
         self.simulation.restart()
         for view in self.views:
             view.peer.send(encode(Restart()))
-        self._notify("restart, as a robot asked for")
+        self._notify("restart, as requested by a robot")
 
     def _end_world(self) -> None:
         if self._kidnapper is not None:

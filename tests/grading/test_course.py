@@ -36,15 +36,15 @@ def test_a_course_is_read_with_its_defaults(tmp_path, good):
     ("text", "what"),
     [
         ("seeds = 0\n", "seeds: a list of whole numbers"),
-        ("seeds = [1, 1]\n", "a seed is there more than once"),
+        ("seeds = [1, 1]\n", "a seed occurs more than once"),
         ("pace = 'fast'\n", "pace: one of lockstep, realtime"),
         ("speed = -1\n", "speed: a number from 0.01"),
-        ("colour = 1\n", "there is no entry 'colour'; there are:"),
+        ("colour = 1\n", "unknown entry 'colour'; the entries are:"),
         ("points = 3\n", "points: a table was expected"),
-        ("[points]\nformula = 'skore'\n", "there is no 'skore'; there are:"),
+        ("[points]\nformula = 'skore'\n", "unknown name 'skore'; the names are:"),
         ("[limits]\nmemory = 'much'\n", "limits: memory: a whole number from 1"),
-        ("[limits]\nmemori = 1\n", "limits: there is no entry 'memori'"),
-        ("readable = ['nowhere']\n", "readable: there is no"),
+        ("[limits]\nmemori = 1\n", "limits: unknown entry 'memori'"),
+        ("readable = ['nowhere']\n", "readable: no such file or folder"),
     ],
 )
 def test_each_fault_is_a_line_that_names_its_place(tmp_path, good, text, what):
@@ -63,10 +63,10 @@ def test_each_fault_is_a_line_that_names_its_place(tmp_path, good, text, what):
         (LAB + "[[agent]]\ncommand = 'x'\n", "agent 1: name: is missing"),
         (LAB + "[[agent]]\nname = 'x'\ncommand = 'x {hots}'\n", "these can be filled in: {host}"),
         (LAB + "[[agent]]\nname = 'x'\ncommand = \"x 'y\"\n", "No closing quotation"),
-        (LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nfolder = 'nowhere'\n", "there is no folder"),
+        (LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nfolder = 'nowhere'\n", "no such folder: "),
         (LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nfolder = '.'\n", "holds the course itself"),
         (LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nbuild = 'make'\n", "build: needs a folder"),
-        (LAB + 2 * "[[agent]]\nname = 'x'\ncommand = 'x'\n", "'x' is there more than once"),
+        (LAB + 2 * "[[agent]]\nname = 'x'\ncommand = 'x'\n", "'x' occurs more than once"),
         (
             "[[lab]]\nname = 'mase'\n[[agent]]\nname = 'x'\ncommand = 'x'\n",
             "neither a file nor a lab that ships",

@@ -180,7 +180,7 @@ def test_episodes_are_drawn_from_the_options() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"task": "navigte"}, "no task 'navigte'.*navigate"),
+        ({"task": "navigte"}, "unknown task 'navigte'.*navigate"),
         ({"labs": []}, "there must be one at least"),
         ({"labs": "maz"}, "neither a file nor a lab"),
         ({"labs": HALL}, "'hall' has no start grid"),
@@ -189,7 +189,7 @@ def test_episodes_are_drawn_from_the_options() -> None:
         ({"task": "circuit", "labs": "twins"}, "there is no start of the kind 'circuit'"),
         ({"noise": (2.0, 1.0)}, "nor a range"),
         ({"time_limit": 0}, "no positive number of cycles"),
-        ({"labz": "maze"}, "no option labz"),
+        ({"labz": "maze"}, "unknown option labz"),
     ],
 )
 def test_options_that_cannot_be_used_are_refused_in_one_line(options: dict, message: str) -> None:
@@ -203,11 +203,11 @@ def test_resets_check_their_options() -> None:
     env = CiberRatoEnv()
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step([0.0, 0.0])
-    with pytest.raises(UsageError, match="lab: 'twins' is none of maze"):
+    with pytest.raises(UsageError, match="lab: 'twins' is not one of maze"):
         env.reset(options={"lab": "twins"})
     with pytest.raises(UsageError, match="options: speed"):
         env.reset(options={"speed": 3})
-    with pytest.raises(ValueError, match="render_mode 'ansi' is none of"):
+    with pytest.raises(ValueError, match="render_mode 'ansi' is not one of"):
         CiberRatoEnv(render_mode="ansi")
 
 

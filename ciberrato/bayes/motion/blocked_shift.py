@@ -154,7 +154,7 @@ class BlockedShift:
         if belief.shape != self.openings.shape:
             raise ValueError(f"belief has shape {belief.shape}, the grid {self.openings.shape}")
         if direction not in _STEPS:
-            raise ValueError(f"no direction {direction!r}; there are {', '.join(_STEPS)}")
+            raise ValueError(f"unknown direction {direction!r}; choose one of {', '.join(_STEPS)}")
         if steps < 0:
             raise ValueError(f"a number of steps is 0 or more, not {steps}")
         size = self.openings.east.shape[0] if _STEPS[direction][0] == 0 else self.openings.north.shape[1]

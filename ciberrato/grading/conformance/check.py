@@ -64,7 +64,7 @@ def rows_named(names: Sequence[str]) -> list[Row]:
     for name in names:
         if name not in NAMES:
             raise UsageError(
-                f"{name!r}: there is no such row; there are {', '.join(NAMES)}{did_you_mean(name, NAMES)}"
+                f"{name!r}: no such row; choose one of {', '.join(NAMES)}{did_you_mean(name, NAMES)}"
             )
     return [row for row in ROWS if not names or row.name in names]
 

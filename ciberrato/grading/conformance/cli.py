@@ -67,7 +67,7 @@ def _check(options: argparse.Namespace, command: list[str]) -> int:
     if faults:
         raise UsageError("\n".join(faults))
     if not options.folder.is_dir():
-        raise UsageError(f"--folder {options.folder}: there is no such folder")
+        raise UsageError(f"--folder {options.folder}: no such folder; check the path")
     for path in (options.json, options.junit):
         if path is not None and not path.absolute().parent.is_dir():
             raise UsageError(f"{path}: cannot be written: no such folder")

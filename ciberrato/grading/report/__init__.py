@@ -77,7 +77,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise UsageError(f"{path.parent}: cannot be made: {error.strerror}") from None
+            raise UsageError(f"{path.parent}: cannot be created: {error.strerror}") from None
         replace_file(path, text.encode("utf-8", "replace"))
     if parquet.available():
         parquet.write_table(ranked, folder / "results.parquet")
