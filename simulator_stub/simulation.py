@@ -289,7 +289,7 @@ class Simulation:
         ----------
         actions : mapping of int to Actions, iterable of Actions or (float, float), optional
             What robots want, by id; several messages of one robot are applied in order. Two numbers are left
-            and right motor command in units a cycle.
+            and right motor command in units per cycle.
 
         Returns
         -------
@@ -342,7 +342,7 @@ class Simulation:
         """Apply one message of a robot.
 
         If it asks for the world to begin again, that is left to the caller (`restart`) when all messages of
-        the cycle are applied; `restart_requested` tells. `step` does it.
+        the cycle are applied; see `restart_requested`. `step` does it.
         """
         robot_of(self._robots, robot_id).apply(actions)
         self.restart_requested |= actions.reset

@@ -1,4 +1,4 @@
-"""The line sensor: seven points across, in front of the centre, that tell painted lines from floor.
+"""The line sensor: seven points across, in front of the centre, that distinguish painted lines from floor.
 
 Draws seven uniforms a cycle, leftmost element first.
 """

@@ -1,4 +1,4 @@
-"""The score sensor: the robot's own score, as views are told it. No noise."""
+"""The score sensor: the robot's own score, as views receive it. No noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Return whether a client on this machine is at work: what Linux tells of the process that holds its socket.
+"""Whether a client on this machine is at work: what Linux reports of the process that holds its socket.
 
 The protocol does not say which Measures an answer belongs to, nor that it is complete. But a client that
 has nothing more to say waits for the next message, and Linux shows that: its thread sleeps, and nothing lies

@@ -53,7 +53,7 @@ STRIKES = 3
 """How often in a row the threads of a client may be found at work until they are no longer looked at."""
 
 IDLE_LIMIT = 0.5
-"""Seconds that a robot is waited for at the most while the simulator does not run."""
+"""Seconds of the longest wait for a robot while the simulator does not run."""
 
 Poll = Callable[[float], bool]
 """Wait that many seconds for messages and deliver them; False when the server is to stop.
@@ -133,7 +133,7 @@ class Lockstep(Pace):
     session, period, clock
         As in `Pace`.
     limit : float
-        Seconds that a robot is waited for; infinite for ever.
+        Seconds of the longest wait for a robot; infinite: without limit.
     adaptive : bool
         Whether a robot that leaves Measures unanswered is waited for a few of its own answer times only,
         unless it is known to be at work.
