@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 MOST_BROWSERS = 200
 FRAMES_PER_SECOND = 30.0
-"""Frames that a browser gets at the most; one a cycle if cycles are slower."""
+"""Greatest number of frames per second for a browser; one a cycle if cycles are slower."""
 
 _TICK_SECONDS = 0.2
 _SEND_BUFFER = 65536
@@ -64,7 +64,7 @@ class Browser:
 
 
 class Server:
-    """Serves a session until it is told to stop.
+    """Serves a session until it is stopped.
 
     Parameters
     ----------

@@ -22,10 +22,10 @@ def load_simulator_log(
     path : Path
         Plain, or packed with gzip.
     angles : tuple of four float, or None
-        Of the robots' IR sensors in degrees, for drawing their cones: the log does not tell. None = 0, 60,
-        -60, 180.
+        Angles of the robots' IR sensors in degrees, for drawing their cones; the log does not hold them.
+        None = 0, 60, -60, 180.
     notify : callable
-        Told, in a line, if the log has no end.
+        Called with a line if the log has no end.
 
     Returns
     -------

@@ -115,7 +115,7 @@ class World:
         if status.robot_id <= self._last_id and self._seen:
             frames.append(self._complete(now))
         if self._robots and status.time < next(iter(self._robots.values())).time:
-            # Time went back: the world was reset and we were not told, or not yet.
+            # Time went back: the world was reset and no message of it has come, or not yet.
             self.forget_robots()
         self._robots[status.robot_id] = status
         self._seen.add(status.robot_id)
