@@ -52,7 +52,7 @@ def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str
     test : str
         Node id, for the command that runs it again.
     start : Path
-        Paths are told from here.
+        Paths are reported relative to this folder.
 
     Returns
     -------
