@@ -1,6 +1,6 @@
 """All that a process has started: counted, measured, and ended, however deep it hides.
 
-Linux tells by /proc. Other POSIX systems tell by ``ps`` who is whose child and how much memory it has;
+Linux reports by /proc. Other POSIX systems report by ``ps`` who is whose child and how much memory it has;
 threads are not counted there, and orphans, which Linux lets us adopt, are found no more. Windows ends a
 process with its children by ``taskkill``, and neither counts nor measures: `MEASURES` says so.
 """
@@ -146,7 +146,7 @@ def exact_memory(processes: Sequence[int]) -> int | None:
     Returns
     -------
     int or None
-        Bytes; None where the system does not tell.
+        Bytes; None where the system does not report it.
     """
     total = 0
     for process in processes:
@@ -167,7 +167,7 @@ def socket_of(port: int) -> str | None:
     Returns
     -------
     str or None
-        Its inode; None where the system does not tell.
+        Its inode; None where the system does not report it.
     """
     wanted = f"{port:04X}"
     for table in ("udp", "udp6", "tcp", "tcp6"):

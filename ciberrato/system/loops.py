@@ -26,7 +26,7 @@ def stop_on_signals(loop: asyncio.AbstractEventLoop, stop: Callable[[], None]) -
         try:
             loop.add_signal_handler(number, stop)
         except NotImplementedError:
-            # Windows: the handler runs when the main thread is back from waiting, a tick later at the most.
+            # Windows: the handler runs when the main thread is back from waiting, at most a tick later.
             with contextlib.suppress(ValueError):  # not in the main thread
                 signal.signal(number, lambda *_: call_in(loop, stop))
         except (ValueError, RuntimeError):  # not in the main thread

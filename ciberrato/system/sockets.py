@@ -67,7 +67,7 @@ class _Poll:
 
 
 class _Select:
-    """`select.select`, which every system has; 512 sockets at the most on Windows."""
+    """`select.select`, which every system has; at most 512 sockets on Windows."""
 
     def __init__(self) -> None:
         self._reading: set[int] = set()
