@@ -3,7 +3,7 @@
 Taken are: an attribute twice (the last one counts), no blank between attributes, control characters and
 references to them (``&#0;``; each becomes ``?``, as XML cannot carry them), a document type (passed over),
 and references to entities other than the five of XML. These are never expanded, whatever the document type
-declares: where text is passed over anyway they do no harm, and in an attribute or a Say they make the
+declares: where text is ignored anyway they do no harm, and in an attribute or a Say they make the
 message one that is refused, with a note.
 """
 
