@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_POWER = 0.15
-"""Greatest motor command, in units a cycle."""
+"""Greatest motor command, in units per cycle."""
 
 ROBOT_RADIUS = 0.5
 """Units; the distance between the wheels is twice that."""
 
 Number = TypeVar("Number", float, "NDArray[np.float64]")
 Command = tuple[float, float]
-"""Of the left and the right motor, in units a cycle."""
+"""Of the left and the right motor, in units per cycle."""
 STANDSTILL: Command = (0.0, 0.0)
 
 
@@ -34,7 +34,7 @@ def clamp_power(command: Number) -> Number:
     Parameters
     ----------
     command : float or array
-        Units a cycle; finite.
+        Units per cycle; finite.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def filter_power(command: Number, previous: Number, factor: Number | float = 1.0
     Parameters
     ----------
     command : float or array
-        Motor command in units a cycle, clamped.
+        Motor command in units per cycle, clamped.
     previous : float or array
         Power given in the cycle before, noise included; 0 at the start.
     factor : float or array
@@ -61,7 +61,7 @@ def filter_power(command: Number, previous: Number, factor: Number | float = 1.0
     Returns
     -------
     float or array
-        Units a cycle.
+        Units per cycle.
     """
     return (command + previous) / 2.0 * factor
 
@@ -72,14 +72,14 @@ def filter_wheels(command: Command, wheels: Command) -> Command:
     Parameters
     ----------
     command : (float, float)
-        As sent: left and right, in units a cycle; clamped here, as the simulator does.
+        As sent: left and right, in units per cycle; clamped here, as the simulator does.
     wheels : (float, float)
         Powers given in the cycle before; 0 at the start.
 
     Returns
     -------
     (float, float)
-        Units a cycle.
+        Units per cycle.
     """
     left, right = wheels
     return filter_power(clamp_power(command[0]), left), filter_power(clamp_power(command[1]), right)
@@ -118,7 +118,7 @@ def advance(
     heading : float or array
         Radians, counter-clockwise from +x.
     left, right : float or array
-        Powers that the motors give, in units a cycle.
+        Powers that the motors give, in units per cycle.
 
     Returns
     -------
