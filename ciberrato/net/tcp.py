@@ -22,7 +22,8 @@ _MOST_AT_ONCE = 100
 class TcpLink:
     """A client's link over TCP, to a simulator that offers it (the real one does not).
 
-    `register` connects; the connection then carries everything. `LinkClosedError` tells its end from silence.
+    `register` connects; the connection then carries everything. `LinkClosedError` is its end, not silence.
+    silence.
 
     Parameters
     ----------
