@@ -1,4 +1,4 @@
-"""The pose filter for any program: told every message and command, it says where the robot is.
+"""The pose filter for any program: from every message and command it estimates the pose.
 
 Markov localization on a grid over (x, y, heading), refined by particles (Thrun, Burgard, Fox, *Probabilistic
 Robotics*, sections 8.2 and 8.3). The lab's tables of expected readings are read from the user's cache, or
@@ -235,7 +235,7 @@ class PoseFilter:
         ----------
         measures : Measures
         command : (float, float) or None
-            Left and right motor command in force in the cycles before this message, in units a cycle: the
+            Left and right motor command in force in the cycles before this message, in units per cycle: the
             last one sent before it came. None: none was sent yet.
 
         Returns

@@ -1,4 +1,4 @@
-"""What the beacon sensors tell: under which angle a beacon shows, or that it does not show.
+"""Evidence of the beacon sensors: the angle under which a beacon is visible, or that it is not visible.
 
 The angle from a square to a beacon depends on the square alone, so that the likelihood of a reading is a
 function of that angle less the state's heading, of how much the angle varies over the square, and of the

@@ -8,7 +8,7 @@ It does not say where the robot is, but how it has moved. That is worth three th
   Robotics*, section 13.3, with a histogram in place of the particles). The likelihoods of successive
   readings, each given all before it, may be multiplied: nothing is counted twice.
 * A reading far from what all of them foresee is a *jump*: the robot has been moved by hand.
-* While the pose is known, reading less pose is the *offset*; after a jump it tells the place.
+* While the pose is known, reading less pose is the *offset*; after a jump it gives the position.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Return whether the readings fit the map at all: what no comparison of poses within one map can tell.
+"""Whether the readings fit the map at all, which no comparison of poses within one map can show.
 
 A filter with a wrong map is soon certain of the pose that explains the readings least badly. So the readings
 are held against what they could be at best: the misfit of a reading is the natural logarithm of the

@@ -141,7 +141,7 @@ class MessageAlignment:
         )
         if doubtful:  # half way between what wheels give that were stopped and that were not
             self.wheels = self.wheels[0] / 2.0, self.wheels[1] / 2.0
-        # A robot that stands is told nothing new by the floor that it stands on.
+        # The floor below a robot that stands brings nothing new.
         return moment if moment.moved > 0.0 or self._messages < 3 else moment._replace(ground=None)
 
     def _late(self, latency: int) -> Measures | None:

@@ -1,4 +1,4 @@
-"""The full-pose filter, which tells where in the lab the robot is and where it looks.
+"""The full-pose filter, which estimates position and heading of the robot in the lab.
 
 Grid localization (Thrun, Burgard, Fox, *Probabilistic Robotics*, section 8.2) over (x, y, heading), run
 in every cycle: the belief is moved by what the wheels do and multiplied by the likelihood of what the
@@ -91,7 +91,7 @@ class GridFilter:
         self.alignment = MessageAlignment(parameters)
         self.alarm = Alarm()
         self.gps = GpsSense(parameters.gps_linear_noise, parameters.motors_noise) if parameters.gps else None
-        """What a GPS has told; None without one."""
+        """What the filter has learnt from a GPS; None without one."""
         self.last_step: FilterStep | None = None
         """The step taken in last."""
         self.restarts: list[int] = []

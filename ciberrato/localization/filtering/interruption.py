@@ -24,7 +24,7 @@ _EARLY, _NEVER = 0.4, 0.4
 LOST = 0.2
 """Prior probability that the last command before the gap was lost, too, and the one before it stayed."""
 _MOST = 64
-"""Moments looked at, at the most."""
+"""Greatest number of moments considered."""
 _NOT_MOVING = 0.02
 """Probability that a robot that was stopped is said to collide."""
 
@@ -51,7 +51,7 @@ class Interruption:
     moments : int
         Doubtful cycles.
     collided : bool
-        Whether the message that ended the gap tells of a collision.
+        Whether the message that ended the gap reports a collision.
     """
 
     def __init__(self, moments: int, *, collided: bool) -> None:

@@ -2,7 +2,7 @@
 
 Messages go through a queue. In each cycle as many are worked off as fit into a budget of time; what is
 left waits for the next cycle, and the estimate is carried on by dead reckoning meanwhile. Nothing is
-dropped: the filter is late by a few cycles at the most while much is possible, and catches up as soon as
+dropped: the filter is late by at most a few cycles while many states are possible, and catches up as soon as
 little is. How late it was is counted.
 """
 
