@@ -1,4 +1,4 @@
-"""The viewer's page for an environment: the viewer is told of it as it is told of a simulator."""
+"""The viewer's page for an environment: it is served to the viewer as by a simulator."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ PIXELS = 20
 _MOST = 800
 _MARGIN = 0.25
 """Units around the lab."""
-# Colours of Okabe and Ito, which colour-blind people can tell apart.
+# Colours of Okabe and Ito, which colour-blind people can distinguish.
 _GROUND, _WALL, _LINE = (255, 255, 255), (60, 60, 60), (200, 200, 200)
 _TARGET, _BEACON, _ROBOT, _NOSE = (0, 158, 115), (230, 159, 0), (0, 114, 178), (255, 255, 255)
 

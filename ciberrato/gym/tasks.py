@@ -124,7 +124,7 @@ class Task:
         signals : Signals
             After it.
         commands : array, shape (n, 2)
-            Of the left and right motors in it, in units a cycle.
+            Of the left and right motors in it, in units per cycle.
         active : array of bool, shape (n,)
             Worlds whose outcome counts.
 
@@ -241,7 +241,7 @@ class Circuit(Task):
         """Compute rewards and ends after a cycle."""
         reward = (signals.score - self._score) / NODE_REWARD
         self._score = signals.score.copy()
-        # A cell is worth more than a collision costs, so what is gained tells that one was reached.
+        # A cell is worth more than a collision costs, so the gain shows that one was reached.
         self._reached += reward > 0.0
         return Outcome(reward, np.zeros(self.worlds, np.bool_), self._reached >= self._round)
 
