@@ -1,7 +1,7 @@
 """Control groups, where the user may make them: the kernel's own limits of memory and processes for an agent.
 
-They come on top of what is looked at and of resource limits: the kernel's limit of memory is a little above
-the course's, so that a limit is told as ever, and what grows faster than it is looked at is stopped, too.
+They supplement measurements and resource limits. The kernel's limit of memory is a little above the course's,
+so that a limit is reported as usual, and memory that grows faster than it is measured is stopped, too.
 """
 
 from __future__ import annotations

@@ -345,7 +345,7 @@ def _filled(word: str, values: dict[str, str]) -> str:
 class _Addresses:
     """Addresses of the loopback that others are not likely to have.
 
-    macOS has 127.0.0.1 only. There, agents that are not told the port run one after the other.
+    macOS has 127.0.0.1 only. There, agents that do not get the port run one after the other.
     """
 
     def __init__(self) -> None:

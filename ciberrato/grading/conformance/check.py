@@ -20,7 +20,7 @@ from ciberrato.grading.task import Task
 from ciberrato.reprs import short_repr
 
 PATIENCE = 2.0
-"""Seconds that an answer may take, unless told otherwise."""
+"""Default of the longest time for an answer, in seconds."""
 
 _ERRORS = ("Traceback (most recent call last)", "terminate called", "Exception in thread")
 """Words of a program that has ended by an error, whatever its status."""
