@@ -35,7 +35,7 @@ class BeliefRun:
     first_line : int
         The line on which the run begins, from 1.
     decimals : int
-        The most decimals of any value: how fine the file tells probabilities.
+        The most decimals of any value: the resolution of its probabilities.
     """
 
     __repr__ = short_repr
@@ -108,7 +108,7 @@ def read_beliefs(path: str | os.PathLike[str]) -> tuple[BeliefRun, ...]:
     """Read a belief file of any writer: 2 to 17 decimals, any blanks, nan, several runs in a row.
 
     A run begins at a prior: a block in which all possible cells, most of the lab, are equally likely. (A
-    filter that has lost everything and begun again writes the same; the file does not tell the two apart.)
+    filter that has lost everything and begun again writes the same; the file does not distinguish the two.)
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ def mapping_score(reference: str, drawn: str) -> float:
     reference : str
         mapping.out, or planning.out, of which lines that are not 55 characters long are left out.
     drawn : str
-        The robot's map; `map_faults` tells what is wrong with its layout.
+        The robot's map; `map_faults` returns what is wrong with its layout.
 
     Returns
     -------

@@ -9,7 +9,7 @@ from ciberrato.files.xml import Reader
 from ciberrato.files.xml_document import Element
 
 Names = Mapping[str, Mapping[str, str]]
-"""Elements, the attributes of each, and their defaults as they are told."""
+"""Elements, the attributes of each, and their defaults as printed."""
 
 LAB: Names = {
     "Lab": {"Name": '"NO NAMED LAB"', "Width": "16", "Height": "16"},

@@ -1,8 +1,8 @@
 """XML documents on disk: files to bytes, and attributes to numbers.
 
 Lab, grid and parameter files are read by one set of rules, those of the real simulator: an attribute that
-does not hold a number counts as 0, whatever stands where nothing is expected is passed over, and only
-what is not XML at all is refused. What is passed over is reported as a finding with its line.
+does not hold a number counts as 0, whatever stands where nothing is expected is ignored, and only
+what is not XML at all is refused. What is ignored is reported as a finding with its line.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """XML documents by lxml: bytes to a flat list of elements, each with the line where its tag begins.
 
-lxml keeps the line where a start tag ends, and that of no attribute. So the text is gone through once more
-for its tags: as it is well-formed by then, they are easily told apart. Entities, external documents and the
-network stay off; libxml2 bounds depth (256) and length (10 MB) of what it reads.
+lxml keeps the line where a start tag ends, but no lines of attributes. So the text is searched once more for
+its tags, which are easy to find, as it is well-formed by then. Entities, external documents and the network
+stay off; libxml2 bounds depth (256) and length (10 MB) of what it reads.
 """
 
 from __future__ import annotations
