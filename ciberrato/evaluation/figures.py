@@ -13,7 +13,7 @@ from ciberrato.evaluation.attempt import Result
 from ciberrato.evaluation.report import group_by, times_to_localize
 from ciberrato.evaluation.task import TRUTH_PERIOD
 
-# By Okabe and Ito, to be told apart by the colour-blind; with line styles, to be told apart in print.
+# By Okabe and Ito, to be distinguished by the colour-blind; with line styles, to be distinguished in print.
 _STYLES = (
     ("#0072B2", "-", "o"),
     ("#D55E00", "--", "s"),

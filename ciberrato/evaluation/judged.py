@@ -40,7 +40,7 @@ class FilterSetup:
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees.
     start : {"anywhere", "centres"}
-        What is told of the start: nothing, or that it is a cell's centre with one of four headings.
+        Prior of the start: none, or that it is a cell's centre with one of four headings.
     generator : numpy Generator
         For the filter alone: a task gives the same run every time.
     """

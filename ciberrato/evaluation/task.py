@@ -105,7 +105,7 @@ class Outcome:
     start : tuple of float
         True pose at the start: x, y in units, heading in degrees.
     room : float
-        Units squared that can be reached from the start: in a small closed room no filter can tell which.
+        Units squared that can be reached from the start: in a small closed room no filter can decide which.
     first_right : int or None
         First right claim.
     first_claim : int or None
