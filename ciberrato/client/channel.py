@@ -145,7 +145,7 @@ class LinkChannel:
     def _rest(self) -> list[bytes]:
         try:
             return self.link.receive_waiting()
-        except LinkError:  # told by the next call, once what has come is dealt with
+        except LinkError:  # reported by the next call, once what has come is dealt with
             return []
 
     def _decode(self, data: bytes) -> object:

@@ -57,7 +57,7 @@ class Controls:
         Parameters
         ----------
         left, right : float
-            Units a cycle; the simulator clamps them to ±0.15.
+            Units per cycle; the simulator clamps them to ±0.15.
 
         Raises
         ------

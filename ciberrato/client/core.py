@@ -117,7 +117,7 @@ class RobotCore:
         Parameters
         ----------
         left, right : float
-            Units a cycle; the simulator clamps them to ±0.15.
+            Units per cycle; the simulator clamps them to ±0.15.
 
         Raises
         ------
@@ -247,6 +247,6 @@ def _power(side: str, value: float) -> float:
         power = math.nan
     if not math.isfinite(power):
         raise UsageError(
-            f"{side} motor: {value!r} is not a finite number; powers are units a cycle, up to 0.15"
+            f"{side} motor: {value!r} is not a finite number; powers are units per cycle, up to 0.15"
         )
     return power
