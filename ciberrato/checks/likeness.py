@@ -1,4 +1,4 @@
-"""Labs that look the same turned round, and twin rooms: places that IR sensors cannot tell apart."""
+"""Labs that look the same turned round, and twin rooms: places that IR sensors cannot distinguish."""
 
 from __future__ import annotations
 
