@@ -244,7 +244,7 @@ def transition_array(matrix: Any, *, states: int | None = None, what: str = "tra
     Parameters
     ----------
     matrix : array_like or scipy sparse matrix
-        Rows are states before; entries 0 or more, row sums 1 at the most (what is missing is lost).
+        Rows are states before; entries 0 or more, row sums at most 1 (what is missing is lost).
     states : int, optional
         That it must have.
     what : str

@@ -29,7 +29,7 @@ _SMALL = 0.5
 # to stay short.
 _THIN = 0.04
 _MOST_BASES = 8
-# Sigmas at which wide distributions are cut, if not told otherwise: they lose 1e-9 of their mass.
+# Sigmas at which wide distributions are cut, by default: they lose 1e-9 of their mass.
 _SIGMAS = 6.1
 
 

@@ -28,7 +28,7 @@ class TransitionMatrix:
     ----------
     matrices : mapping of command to matrix
         Any hashable commands; lists and arrays mean the tuple of their elements. Numpy arrays or scipy sparse
-        matrices, (states, states), entries 0 or more, row sums 1 at the most (what is missing is lost).
+        matrices, (states, states), entries 0 or more, row sums at most 1 (what is missing is lost).
     """
 
     __repr__ = short_repr

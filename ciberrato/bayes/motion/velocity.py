@@ -135,7 +135,7 @@ class VelocityMotion:
     space : StateSpace
         x, y, heading; the last periodic over a whole turn.
     noise : VelocityNoise
-        Standard deviations; may be 0. The turn's is two turns at the most.
+        Standard deviations; may be 0. The turn's is at most two turns.
     window : float
         Of the density: leave out displacements longer than the way commanded by more than this many sigmas;
         what that drops is at most `erfc(window / sqrt 2)`.

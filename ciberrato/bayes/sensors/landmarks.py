@@ -28,7 +28,7 @@ _ON_IT = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LandmarkSensor:
-    """Ranges, and bearings if the poses have headings, to landmarks that the sensor tells apart.
+    """Ranges, and bearings if the poses have headings, to landmarks that the sensor distinguishes.
 
     Attributes
     ----------
