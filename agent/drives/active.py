@@ -1,8 +1,8 @@
-"""``active``: goes where the poses that are left are told apart soonest, and stops once the pose is known.
+"""``active``: drives to where the remaining poses can be distinguished soonest; stops when the pose is known.
 
-While nearly everything is possible, any open way tells much, and the next leg is that of `explore`. As soon
-as a handful of hypotheses carries the belief, the path that tells them apart best for its time is planned
-over relative poses (`agent.drives.disambiguation`), and planned again whenever the belief has changed much.
+While nearly everything is possible, any open path is informative, and the next leg is that of `explore`.
+As soon as a handful of hypotheses carries the belief, the path that distinguishes them best for its time is
+planned over relative poses (`agent.drives.disambiguation`), and again whenever the belief has changed much.
 """
 
 from __future__ import annotations

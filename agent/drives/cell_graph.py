@@ -28,7 +28,7 @@ LEAST_CLEARANCE = ROBOT_RADIUS + 0.09
 """Units that the nodes of a path keep from walls; what lies between two of them is at most 0.01 nearer."""
 STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
 """Of row and column, to the east, north, west and south: at headings of 0, 90, 180 and 270 degrees."""
-_TURN_RATE = 2.0 * MAX_POWER  # radians a cycle
+_TURN_RATE = 2.0 * MAX_POWER  # radians per cycle
 _TURN_OVERHEAD = 3.5
 """Cycles that braking, setting out, and what the wheels run on take when the robot turns in place."""
 _STRAGGLER = 6.0

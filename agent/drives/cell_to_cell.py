@@ -81,7 +81,7 @@ class CellDrive:
         Mounting angles of the IR sensors in degrees.
     obstacle_noise : float
     speed : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     """
 
     def __init__(self, angles: tuple[float, ...], obstacle_noise: float, *, speed: float = MAX_POWER) -> None:

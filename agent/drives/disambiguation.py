@@ -1,4 +1,4 @@
-"""How to tell a few possible poses apart: multi-hypothesis active localization.
+"""Distinguish a few possible poses: multi-hypothesis active localization.
 
 When a handful of poses is left, the robot knows a lot about what it would see: on the same path relative to
 itself, every hypothesis predicts its own readings. The paths that are free under all hypotheses form one
@@ -30,8 +30,8 @@ _RADIUS = 18  # nodes to each side
 _CLEARANCE = 0.56  # units of clearance that a node must have
 _LEAVING = 0.5
 _DIRECTIONS = 8
-_SPEED = 0.14  # units a cycle
-_TURN_RATE = 0.27  # radians a cycle
+_SPEED = 0.14  # units per cycle
+_TURN_RATE = 0.27  # radians per cycle
 _TURN_START = 3.0  # cycles that stopping and starting to turn cost
 _EXPONENT = 0.4
 _CLIP = 5.0
@@ -56,7 +56,7 @@ FIRST_TURNS: Floats = np.arange(_DIRECTIONS, dtype=np.float64) * (2.0 * math.pi 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The first leg of the path that is expected to tell most.
+    """The first leg of the path that is expected to be most informative.
 
     Attributes
     ----------

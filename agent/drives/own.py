@@ -14,7 +14,7 @@ from ciberrato.protocol.messages import Measures
 
 
 class OwnDrive:
-    """Makes a drive and asks it; what it raises or returns wrongly is told in a line.
+    """Makes a drive and asks it; what it raises or returns wrongly is reported in one line.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class OwnDrive:
         For messages.
     make : callable
         Of a `DriveSetup`; returns an object with ``decide(measures, pose_filter)``, which returns a
-        `Decision`, or a pair: left and right motor command in units a cycle.
+        `Decision`, or a pair: left and right motor command in units per cycle.
     setup : DriveSetup
     """
 

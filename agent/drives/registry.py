@@ -164,7 +164,7 @@ def make_drive(
     goal : object, optional
         The drive's argument: where ``goto`` goes, (x, y) in units.
     cruise : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     stop_when_localized : bool
         Whether ``active`` stands still once the pose is known; otherwise it goes on as ``explore``.
 

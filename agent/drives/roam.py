@@ -32,7 +32,7 @@ _MOST_RISK = 0.04
 _STRAIGHT = math.radians(3.0)
 _BEND = math.radians(25.0)
 """Turns so small are made while driving, if nothing is near."""
-_MOST_BEND = 0.08  # radians a cycle
+_MOST_BEND = 0.08  # radians per cycle
 _BACK_OFF = 3  # cycles after a collision
 _BACKWARDS: Command = (-0.1, -0.1)
 _PROGRESS = 0.15

@@ -95,7 +95,7 @@ class Bumper:
     @property
     def _beside_speed(self) -> float:
         sides = max(self.left, self.right)
-        # A wall that the robot touches with its side is no reason to stay there for ever.
+        # A wall that the robot touches with its side is no reason to stay there forever.
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
         return min(beside, _SLOWEST) if self._closing > _CLOSING else beside
 
@@ -110,7 +110,7 @@ class Bumper:
         Returns
         -------
         float
-            Units a cycle, not below 0.
+            Units per cycle, not below 0.
         """
         free = 1.0 / max(self.ahead, 1e-3) - STOP_SHORT
         return min(max(free - moved, 0.0), self._beside_speed * MAX_POWER)

@@ -110,7 +110,7 @@ def fit_of(run: RecordedRun, expected: ExpectedReadings) -> Fit:
     Fit
     """
     steps = zip(run.steps, doubts_of(run), strict=True)
-    # From the first gap on it is not sure that a reading is that of the cell it is taken for.
+    # From the first gap on it is not sure that a reading is that of its assumed cell.
     sure = itertools.takewhile(lambda one: one[1] == NO_DOUBT, steps)
     readings = [step.readings for step, _ in sure]
     return map_fit(readings, expected, run.header.parameters.obstacle_noise)

@@ -45,7 +45,7 @@ class Doubt(NamedTuple):
     step : float
         Probability that no cell was entered.
     reading : float
-        Probability that the reading was taken elsewhere than at a cell's centre, and tells nothing.
+        Probability that the reading was taken elsewhere than at a cell's centre, and is not informative.
     """
 
     step: float = 0.0

@@ -38,7 +38,7 @@ _LEAST_VARIANCE = 0.25  # of the surprise of a reading
 _LASTING = 0.9
 """Share of a pose error that is the same at the next crossing."""
 _STEP = 0.1  # of the readings
-_FINE = 0.01  # expected readings are told apart to this
+_FINE = 0.01  # expected readings are distinguished to this
 _BLOCKED = 0.01
 """Share of the belief that must have had its way open for the motion to be no surprise."""
 _MOST = 9.0

@@ -2,7 +2,7 @@
 
 The log of the real simulator (and of ours, ``--log``) holds every robot's Measures and motor commands. The
 tracker finds the crossings in them, as it does on the wire. The log does not say how the robot's sensors
-were mounted: that must be told.
+were mounted: that must be given.
 """
 
 from __future__ import annotations

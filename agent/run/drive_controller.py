@@ -34,7 +34,7 @@ class DriveController:
     angles : tuple of float
         Mounting angles of the IR sensors in degrees.
     cruise : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     exit_when_finished : bool
         Whether the run is over when the drive has nothing more to do.
     """

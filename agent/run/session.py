@@ -50,7 +50,7 @@ class Settings:
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees.
     cruise : float
-        Units a cycle.
+        Units per cycle.
     exit_at_wall : bool
     preset : {"seed", "calibrated"}
     distance_model : {"sensor", "cone"}

@@ -27,7 +27,7 @@ class Pilot:
     Parameters
     ----------
     cruise : float
-        Motor command for driving straight on, units a cycle.
+        Motor command for driving straight on, units per cycle.
     """
 
     def __init__(self, cruise: float) -> None:

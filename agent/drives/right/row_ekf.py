@@ -127,7 +127,7 @@ class RowKalmanFilter:
         Parameters
         ----------
         command : (float, float)
-            Left and right motor command in effect, in units a cycle.
+            Left and right motor command in effect, in units per cycle.
         blocked : bool
             Whether a collision kept the robot in its place; it turns all the same.
         """

@@ -21,7 +21,7 @@ from ciberrato.world.parameters import Parameters
 
 _DEGREE = math.pi / 180.0
 _ALIGNED = 1.0 * _DEGREE
-_AT_REST = 0.001  # units a cycle
+_AT_REST = 0.001  # units per cycle
 _STOPPED_SHORT = 0.3  # units before a centre at which a robot at rest counts as being there
 _OLDEST_READING = 5  # cycles; how old a reading on request may be and still belong to a crossing
 _PATIENCE = 10  # messages to wait at the start for readings on request
@@ -184,7 +184,7 @@ class CellTracker:
         self._surprises.append(innovation / math.sqrt(self.deviations[2] ** 2 + self._compass_variance))
         mean = sum(self._surprises) / len(self._surprises)
         if len(self._surprises) == self._surprises.maxlen and abs(mean) > 1.25:
-            # Five standard deviations off: the start heading was taken for a right angle and is none.
+            # Five standard deviations off: the start heading counted as a right angle, but is none.
             self._filter.widen_heading(mean**2 * self._compass_variance)
             self._surprises.clear()
         self._filter.correct([Explanation(1.0, innovation, (0.0, 0.0, 1.0), self._compass_variance)])

@@ -112,7 +112,7 @@ class WallAhead:
     """
 
     SURE = 3.0
-    """Evidence that is taken for certain (odds of 20 to 1)."""
+    """Evidence that counts as certain (odds of 20 to 1)."""
 
     _MOST = 12.0
 
