@@ -27,7 +27,7 @@ NOWHERE_YET = PoseEstimate(x=0.0, y=0.0, heading=0.0, probability=0.0, cell=(0, 
 class Localize(Task):
     """Get to know the pose, from anywhere, in a lab that is known.
 
-    A pose filter (grid localization on the coarse lattice, with the lab of the episode) gets every message and
+    A pose filter (grid localization on the coarse lattice, with the episode's lab) gets every message and
     command. The reward is the information gained: the decrease of the belief's entropy in a cycle, as a share
     of the entropy of the uniform belief; and, when the filter claims to know the pose, +1 if it is right
     (within 0.5 units and 10 degrees), -1 if not. A claim ends the episode; a right one is a success.

@@ -23,7 +23,6 @@ class TcpLink:
     """A client's link over TCP, to a simulator that offers it (the real one does not).
 
     `register` connects; the connection then carries everything. `LinkClosedError` is its end, not silence.
-    silence.
 
     Parameters
     ----------
