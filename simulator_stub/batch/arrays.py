@@ -119,7 +119,7 @@ def inside(lab: LabPlan, x: Floats, y: Floats, *, first: bool = False) -> Intege
     x, y : array, shape (n,)
         Units.
     first : bool
-        Of several targets take the first, as scores do, and not the last, as sensors do.
+        Whether to take the first of several targets, as scores do, and not the last, as sensors do.
 
     Returns
     -------

@@ -75,7 +75,7 @@ class BatchSimulation:
     Attributes
     ----------
     readings : BatchReadings
-        Of the last cycle; at first of time 0.
+        Readings of the last cycle; at first of time 0.
 
     Raises
     ------

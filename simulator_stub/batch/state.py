@@ -55,11 +55,12 @@ class BatchState(Arrays):
     lab : array of int
         Number of the world's lab in the plan.
     motor_deviation, compass_deviation, obstacle_deviation, gps_deviation, beacon_deviation : array
-        Of the factor on the power, the heading in radians, the reading, the place, the bearing in radians.
+        Standard deviations of the factor on the power, the heading (radians), the reading, the position, the
+        bearing (radians).
     beacon_aperture : array
         Radians.
     line_probability : array
-        That an element of the line sensor is right.
+        Probability that an element of the line sensor is right.
     gps_offset : array, shape (worlds, 2)
         Units.
     sim_time : array of int

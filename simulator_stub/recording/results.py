@@ -37,7 +37,7 @@ class Results(Observer):
     Attributes
     ----------
     seed : int or None
-        Of the run that is going on; None if it has none of its own, as after a Reset.
+        Seed of the run that is going on; None if it has none of its own, as after a Reset.
     runs : list of dict
         The runs so far, as they are in the result file.
     answers : callable or None

@@ -29,7 +29,7 @@ class Runs:
     session : Session
     results : Results
     seed : int
-        Of the first run; the next ones count up.
+        Seed of the first run; the next ones count up.
     most_silent : int or None
         Cycles in a row that a robot may leave unanswered before it counts as gone; None = any number.
     count : int

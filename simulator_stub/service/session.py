@@ -370,7 +370,7 @@ class Session:
         Parameters
         ----------
         seed : int, optional
-            Of the new world; by default it follows from the old one.
+            Seed of the new world; by default it follows from the old one.
         """
         self._end_world()
         for view in self.views:

@@ -29,9 +29,9 @@ class World:
     walls : WallMap
         The obstacles of the lab, border included.
     floor : Floor
-        What line sensors see.
+        Floor as line sensors see it.
     distances : callable
-        Of x, y and the axes of IR sensors in radians: the distances that they take.
+        Function of x, y and the axes of IR sensors in radians: the distances that they measure.
     """
 
     lab: Lab
