@@ -83,7 +83,7 @@ class SimulatorConnection:
     notify : callable
         Told, in one line each, what people may want to know.
     token : str or None
-        What a simulator of ours may want of its views.
+        Token that a simulator of ours may require of its views.
 
     Attributes
     ----------

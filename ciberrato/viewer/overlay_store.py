@@ -211,7 +211,7 @@ class OverlayStore:
         Parameters
         ----------
         time : int
-            Of the newest frame.
+            Time of the newest frame.
         lab : Lab or None
         place_of : callable
             As for `receive`.

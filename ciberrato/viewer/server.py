@@ -76,7 +76,7 @@ class Server:
     port : int
         0 takes a free one.
     token : str or None
-        What browsers must show; None makes one up where it is needed.
+        Token required of browsers; None: a random one is generated where it is needed.
     blocking_registration : bool
         Whether `Link.register` may block, as over TCP.
 

@@ -97,7 +97,7 @@ class Site:
     port : int
         The one that we listen on.
     token : str or None
-        What a browser must show; None = anybody on this machine may look.
+        Token required of browsers; None: all users of this machine may look.
     assets : mapping
         As `read_assets` gives them.
     """
