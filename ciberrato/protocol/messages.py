@@ -270,7 +270,7 @@ class OtherReading:
     Attributes
     ----------
     name : str
-        Of the element.
+        Name of the element.
     values : tuple of (str, str)
         Its attributes, as on the wire.
     """
