@@ -61,7 +61,7 @@ def cell_beliefs(
     history : sequence of (Measures, command)
         All messages, each with the command in effect before it.
     start : {"anywhere", "centres"}
-        What is possible at the start.
+        Prior of the start.
     smooth : bool
         Whether every block is to use the whole run. A run in which the filter had to start anew is
         smoothed from its last new start on; before that it is filtered.

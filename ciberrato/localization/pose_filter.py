@@ -43,18 +43,18 @@ class Estimate:
     time : int or None
         Simulated cycles, of the newest message; None before the first.
     x, y : float
-        Units from the lab's lower left corner; nan until the coarse tables are there.
+        Units from the lab's lower left corner; nan until the coarse tables are ready.
     heading : float
         Radians within ±π, 0 along x, counter-clockwise; nan likewise.
     probability : float
-        Of all poses within 0.5 units and 10 degrees of this one; 0 until the coarse tables are there.
+        Probability of all poses within 0.5 units and 10 degrees; 0 until the coarse tables are ready.
     certain : bool
         The filter's claim to know the pose: a probability above 0.95.
     modes : tuple of PoseEstimate
         All poses that the belief is gathered around, the most probable first, each with its probability:
         eight at most. Empty until the coarse tables are there.
     entropy : float
-        Of the belief over all states, in bits; nan until the coarse tables are there.
+        Entropy of the belief over all states, in bits; nan until the coarse tables are ready.
     behind : int
         Messages that are not weighed yet, for lack of time or tables; dead reckoning stands in for them.
     """
@@ -86,7 +86,7 @@ class PoseFilter:
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees, counter-clockwise from the front.
     start : str or StartPrior
-        What is possible at the start: "anywhere", "centres" (of cells, four headings), "centres:DEGREES",
+        Prior of the start: "anywhere", "centres" (of cells, four headings), "centres:DEGREES",
         "X,Y" or "X,Y,DEGREES".
     settings : FilterSettings, optional
         On the fine lattice.

@@ -108,7 +108,7 @@ def beacon_table(lab: Lab, lattice: Lattice, number: int) -> BeaconTable:
     lab : Lab
     lattice : Lattice
     number : int
-        Of the beacon.
+        Number of the beacon.
 
     Returns
     -------

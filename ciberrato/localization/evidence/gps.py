@@ -138,7 +138,7 @@ class GpsTracker:
         Returns
         -------
         likelihood : array, shape (bins,)
-            Of the reading for every heading, given all before; the greatest is 1.
+            Likelihood of the reading for every heading, given all before; the greatest is 1.
         jumped : bool
             Whether the robot must have been moved by hand. The tracker has begun anew then.
         """
@@ -212,7 +212,7 @@ class GpsOffset:
     Parameters
     ----------
     reading_variance : float
-        Of a reading along each axis, in units squared.
+        Reading variance of a reading along each axis, in units squared.
     """
 
     def __init__(self, reading_variance: float) -> None:

@@ -51,7 +51,7 @@ class StartPrior:
         Parameters
         ----------
         turn : Turn
-            Of the lab, under which it looks the same.
+            Turn of the lab under which it looks the same.
         """
         if self.heading is not None:
             return True

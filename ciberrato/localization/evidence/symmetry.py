@@ -73,7 +73,7 @@ def find_turns(lab: Lab, walls: WallMap, places: Floats, resolution: float) -> l
     places : array, shape (n, 2)
         Free places, spread evenly over the lab, in units.
     resolution : float
-        Of the filter's lattice. Turns that leave its nodes in place are left out.
+        Resolution of the filter's lattice. Turns that leave its nodes in place are left out.
 
     Returns
     -------

@@ -47,12 +47,12 @@ class GridFilter:
     ----------
     lab : Lab
     tables : PoseTables
-        Of the lattice that it begins on, and goes back to when it begins anew.
+        Tables of the lattice that it begins on, and goes back to when it begins anew.
     parameters : Parameters
         As announced.
     settings : FilterSettings, optional
     start : StartPrior or str
-        What is possible at the start: "anywhere", "centres" (of all cells, with a heading of 0, 90, 180 or
+        Prior of the start: "anywhere", "centres" (of all cells, with a heading of 0, 90, 180 or
         270 degrees) or what else `ciberrato.localization.evidence.start_prior.parse_start` reads.
     fine : FineStage, optional
         The stage after the first.

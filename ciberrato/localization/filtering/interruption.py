@@ -36,7 +36,7 @@ def doubtful_cycles(cycles: int, commands: Sequence[Command]) -> int:
     ----------
     cycles : int
     commands : sequence of (float, float)
-        That may have been in effect.
+        Commands that may have been in effect.
     """
     return 0 if all(command == STANDSTILL for command in commands) else max(cycles - SURE, 0)
 

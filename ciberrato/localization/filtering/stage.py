@@ -148,7 +148,7 @@ class FineStage:
     Parameters
     ----------
     tables : PoseTables or None
-        Of the fine lattice; None: they come later, to be set.
+        Tables of the fine lattice; None: they come later, to be set.
     settings : FilterSettings
     """
 

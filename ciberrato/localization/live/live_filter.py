@@ -103,7 +103,7 @@ class LiveFilter:
         Parameters
         ----------
         time : int
-            Of the message observed last, in simulated cycles.
+            Time of the message observed last, in simulated cycles.
         """
         self.moments.mark(time)
         if self.filter is not None and self.lag == 0:

@@ -65,7 +65,7 @@ class Refinement:
         Parameters
         ----------
         found : PoseEstimate
-            Of the lattice.
+            Estimate of the lattice.
         belief : PoseBelief
             Where it comes from.
 
