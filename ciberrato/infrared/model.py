@@ -199,7 +199,7 @@ def reading_log_likelihood(reading: ArrayLike, ideal: ArrayLike, sigma: ArrayLik
     Parameters
     ----------
     reading : array_like
-        What the sensor reported.
+        Reported reading.
     ideal : array_like
         `ideal_reading` of the distance.
     sigma : array_like
