@@ -40,7 +40,7 @@ class Episode:
     Attributes
     ----------
     number : int
-        Of the lab in the scenario.
+        Number of the lab in the scenario.
     lab : Lab
     start : (float, float, float)
         x, y in units and direction in degrees.

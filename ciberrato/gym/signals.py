@@ -66,7 +66,7 @@ def of_simulation(simulation: Simulation, measures: Measures, targets: int) -> S
     ----------
     simulation : Simulation
     measures : Measures
-        Of its last cycle.
+        Measures of its last cycle.
     targets : int
         Most targets of a lab.
     """

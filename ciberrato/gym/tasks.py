@@ -124,7 +124,7 @@ class Task:
         signals : Signals
             After it.
         commands : array, shape (n, 2)
-            Of the left and right motors in it, in units per cycle.
+            Commands of the left and right motors in it, in units per cycle.
         active : array of bool, shape (n,)
             Worlds whose outcome counts.
 

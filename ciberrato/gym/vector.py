@@ -142,9 +142,9 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         Returns
         -------
         observations : array, shape (num_envs, columns)
-            Of all, those that go on included.
+            Observations of all, those that go on included.
         infos : dict
-            Of those that begin.
+            Infos of those that begin.
         """
         seeds: Sequence[int | None]
         if seed is None or isinstance(seed, int | np.integer):
