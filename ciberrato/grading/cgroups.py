@@ -84,7 +84,7 @@ class Folder(Groups):
     Parameters
     ----------
     base : Path
-        Of our own group.
+        Folder of our own group.
     """
 
     told = "limits: memory and processes by control groups (below our own)"

@@ -58,7 +58,7 @@ def on_cluster(
     kind : {"auto", "bwrap", "docker", "none"}
         The sandbox, which each worker must have.
     address : str
-        Of the scheduler.
+        Address of the scheduler.
     recordings : Path
         Folder for the recordings.
 

@@ -36,7 +36,7 @@ def find_engine(image: str | None) -> str:
     Parameters
     ----------
     image : str or None
-        That the course names.
+        Image that the course names.
 
     Returns
     -------

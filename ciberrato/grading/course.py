@@ -57,9 +57,9 @@ class GradedLab:
     scoring : int
         Mode.
     weight : float
-        Of the lab's points in the total.
+        Weight of the lab's points in the total.
     position : int
-        In the start grid, from 1.
+        Position in the start grid, from 1.
     secret : bool
         Whether published reports leave it out.
     """
@@ -157,7 +157,7 @@ class Course:
         What a sandbox shows besides the system and Python.
     tournament : TournamentSettings
     image : str or None
-        Of containers, with ciberrato and what agents need.
+        Image of containers, with ciberrato and what agents need.
     secret_seeds : frozenset of int
         Those of the seeds that published reports leave out.
     """

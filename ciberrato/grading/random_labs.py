@@ -23,7 +23,7 @@ def random_files(table: Fields, position: int) -> tuple[Path, Path] | None:
     table : Fields
         The entry: ``seed``, and the options of ``ciberrato-lab new --random`` by their names.
     position : int
-        Of the robot in the start grid, which has at least as many.
+        Position of the robot in the start grid, which has at least as many.
 
     Returns
     -------

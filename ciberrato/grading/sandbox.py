@@ -59,7 +59,7 @@ def choose(kind: str, image: str | None = None) -> str:
     kind : {"auto", "bwrap", "docker", "none"}
         ``auto``: bwrap if it works here, or none.
     image : str or None
-        Of containers.
+        Image of containers.
 
     Returns
     -------

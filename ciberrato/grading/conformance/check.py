@@ -91,7 +91,7 @@ def check_agent(
         Where it drives.
     rows : sequence of Row
     seed : int
-        Of the simulation.
+        Seed of the simulation.
     patience : float
         Seconds that an answer may take.
     limits : Limits, optional

@@ -46,7 +46,7 @@ class Desk:
     ----------
     simulation : Simulation
     host, port : str, int
-        Of the main socket.
+        Host and port of the main socket.
     """
 
     def __init__(self, simulation: Simulation, host: str, port: int) -> None:

@@ -32,7 +32,7 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
     course : Course
     ranked : sequence of Standing
     folder : Path
-        Of the report; runs whose recording is there can be played.
+        Folder of the report; runs whose recording is there can be played.
     missing : int
         Runs still to be done.
 

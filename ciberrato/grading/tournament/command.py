@@ -23,7 +23,7 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
     Parameters
     ----------
     options : argparse.Namespace
-        Of the command line.
+        Options of the command line.
     course : Course
     faults : list of str
         Why agents could not be had.

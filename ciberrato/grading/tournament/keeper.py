@@ -43,7 +43,7 @@ class Seat:
     Attributes
     ----------
     number : int
-        Of its start place, from 1.
+        Number of its start place, from 1.
     robot : int or None
         The robot that it has registered.
     over : bool

@@ -33,7 +33,7 @@ class Played(Graded):
     start : int
         Its start place.
     place : int
-        That it made; equal ones share it.
+        Place of the agent; equal ones share it.
     formula : float
         Its points by the course's formula.
     worth : float
