@@ -56,7 +56,7 @@ class LabFile:
     beacon_lines, target_lines, wall_lines : tuple of int
         The line of each beacon, target and wall of the lab; that of the row where a row draws the wall.
     from_rows : tuple of bool
-        Of each wall, whether a row draws it.
+        Whether a row draws each wall.
     """
 
     __repr__ = short_repr

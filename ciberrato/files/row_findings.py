@@ -29,7 +29,7 @@ def check_row(
     position : int
         As it is read.
     height : float
-        Of its walls.
+        Height of its walls.
     size : (float, float)
         Width and height of the lab in units.
     reader : Reader

@@ -107,9 +107,9 @@ class Cycle:
     step : int or None
         Number of the step that was recorded at this message: 0 = start cell, k = k-th cell entered.
     estimate : (float, float, float, float) or None
-        Of the live pose filter: x, y in units, heading in degrees, and the probability of that pose.
+        Estimate of the live pose filter: x, y in units, heading in degrees, and the probability of that pose.
     entropy : float or None
-        Of the live filter's belief, in bits.
+        Entropy of the live filter's belief, in bits.
     cells : tuple of (int, int, float), or None
         Row (from the bottom), column and probability of the cells that the live filter takes for possible;
         where that has changed since the last such entry, at most every few cycles.
