@@ -31,7 +31,7 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Result | Failure
     ----------
     tasks : sequence of Task
     address : str
-        Of the Dask scheduler.
+        Address of the Dask scheduler.
 
     Yields
     ------

@@ -72,7 +72,7 @@ class LabTask:
     ----------
     lab : str
     resolution : float
-        Of the fine lattice, in units.
+        Resolution of the fine lattice, in units.
     runs : int
         Start cells, drawn at random, none twice.
     parameters : str

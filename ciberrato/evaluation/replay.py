@@ -158,7 +158,7 @@ class Replay:
     path : array, shape (cycles, 2)
         True places in units.
     cells : int
-        That the robot was in, one after the other.
+        Cells in which the robot was, in order.
     moments : tuple of Moment
     blocks : (int, int)
         In our belief file and in that of the recorded agent, the prior included.

@@ -37,7 +37,7 @@ class Task:
     start : {"grid", "centres", "free"}
         A pose of the start grid, the centre of a cell with one of four headings, or any free pose.
     prior : {"anywhere", "centres"}
-        What the filter takes for possible at the start.
+        Prior of the filter at the start.
     parameters : str
         Name or path of a parameter file.
     compass : bool
@@ -136,7 +136,7 @@ class Outcome:
         For ten equal ranges of probability: cycles in which the estimate had it, and those in which it
         was right.
     filter_ms : list of float
-        Of processor time: median, 99 % quantile and maximum of the time that the filter took in a cycle,
+        Median, 99 % quantile and maximum of the processor time of the filter in a cycle,
         in milliseconds.
     drive_ms : list of float
         The same for the drive.
