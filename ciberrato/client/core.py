@@ -43,7 +43,7 @@ class RobotCore:
     name : str
         Printable, at most 200 bytes (the real simulator dies of names much longer).
     position : int
-        In the start grid, from 1; 0 = the first free one.
+        Position in the start grid, from 1; 0 = the first free one.
     angles : sequence of four float, or None
         Mounting angles of the IR sensors in degrees, counter-clockwise from the front; None = 0, 60, -60,
         180.
