@@ -30,7 +30,7 @@ class FreeSpace:
     Attributes
     ----------
     walls : WallMap
-        What stops robots.
+        Walls that stop robots.
     step : float
         Between nodes, in units.
     clearance : array, shape (rows, columns)
@@ -76,7 +76,7 @@ def blocked(walls: WallMap, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
     Parameters
     ----------
     walls : WallMap
-        Of a lab without lines.
+        Walls of a lab without lines.
     x, y : array_like
         Units.
     """

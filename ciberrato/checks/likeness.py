@@ -57,7 +57,7 @@ def likeness_findings(lab: Lab, space: FreeSpace, source: str, line: int) -> lis
     source : str
         The lab's file.
     line : int
-        Of its root.
+        Line of its root.
     """
     found = []
     seen: set[int] = set()

@@ -42,7 +42,7 @@ def schema_findings(data: bytes, source: str, kind: str, known: Sequence[Finding
     Parameters
     ----------
     data : bytes
-        Of a file that is well-formed.
+        Bytes of a well-formed file.
     source : str
         The file's name.
     kind : str
