@@ -36,7 +36,7 @@ class Axis:
     Attributes
     ----------
     name : str
-        What the coordinate is called, as in "x" or "heading".
+        Name of the coordinate, as in "x" or "heading".
     size : int
         Number of cells, at least 1.
     cell : float
@@ -340,7 +340,7 @@ def pose_grid(
     origin : (float, float, float)
         x, y and heading of the lower edges of cell (0, 0, 0); (0, 0, half a turn backward) if left out.
     unit : str
-        Of x and y, for labels.
+        Unit of x and y, for labels.
     deg : bool
         The origin's heading is given in degrees. The axis is in radians all the same.
     """

@@ -24,12 +24,12 @@ class Displacements(NamedTuple):
     distance : FloatArray, shape (n,)
         To the middle of the target cell or part, in units of length; positive.
     direction : FloatArray, shape (n,)
-        Of the same point, radians.
+        Direction of the same point, radians.
     inverse_distance : FloatArray, shape (n,)
         Integral of 1 / distance over the cell or part: what turns a density over distance and direction into
         mass.
     area : FloatArray, shape (n,)
-        Of the cell or part.
+        Area of the cell or part.
     """
 
     cells: IntArray

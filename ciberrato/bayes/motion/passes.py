@@ -209,7 +209,7 @@ def move(
     images : FloatArray, shape (m, x, y)
         Mass that leaves the grid is lost.
     kernels : LatticeKernels
-        Of n moves.
+        Kernels of n moves.
     source, target : IntArray, shape (n,)
         Numbers of images before and after.
     weight : FloatArray, shape (n,)

@@ -69,7 +69,7 @@ def transition_matrix(
     predict : callable
         A motion model's `predict`.
     shape : sequence of int
-        Of the beliefs that it takes.
+        Shape of the beliefs that it takes.
     control : object
         The command.
     sparse : bool

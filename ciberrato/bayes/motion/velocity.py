@@ -137,7 +137,7 @@ class VelocityMotion:
     noise : VelocityNoise
         Standard deviations; may be 0. The turn's is at most two turns.
     window : float
-        Of the density: leave out displacements longer than the way commanded by more than this many sigmas;
+        Of the density: leave out displacements beyond the commanded distance by more than this many sigmas;
         what that drops is at most `erfc(window / sqrt 2)`.
     density : bool
         Predict by `kernel`, not normalized. It needs noise of 0.6 cells on the way, 0.6 heading cells in the

@@ -144,7 +144,7 @@ class OrderedRanges:
     landmarks : tuple of float
         Places along the line.
     sigma : float
-        Of a range, in units of length.
+        Standard deviation of a range, in units of length.
     max_range : float
         Landmarks farther ahead are not seen.
     unread : float
