@@ -181,7 +181,7 @@ class CRobLink:
         The simulator's port for this robot.
     sock : socket.socket
     measures : CMeasures
-        Of the last call of `readSensors`.
+        Measures of the last call of `readSensors`.
     lost, skipped : int
         Simulated cycles whose Measures never came; Measures that newer ones had overtaken.
 

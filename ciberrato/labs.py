@@ -53,7 +53,7 @@ def lab_with_hash(sha256: str) -> Path | None:
     Parameters
     ----------
     sha256 : str
-        Of the file's bytes, in hexadecimal digits.
+        SHA-256 of the file's bytes, in hexadecimal digits.
 
     Returns
     -------
