@@ -141,7 +141,7 @@ def join_cells(lattice: Lattice, rows: int, columns: int, least: float = LEAST_C
     lattice : Lattice
         Cell centres are nodes.
     rows, columns : int
-        Of the lab.
+        Rows and columns of the lab.
     least : float
         Units that all nodes on the path are away from walls.
 
@@ -168,7 +168,7 @@ def find_stands(
     ----------
     lattice : Lattice
     columns : int
-        Of the lab.
+        Columns of the lab.
     least : float
         Units from walls.
 

@@ -107,7 +107,7 @@ class Exchange:
         arrived : float or None
             When the message arrived; None = not known, taken to be after the last answer.
         time : int or None
-            Of the message, in simulated cycles. After some that never came it is not known whether a stop has
+            Time of the message, in simulated cycles. After lost messages it is not known whether a stop has
             reached the robot: then it is not counted, and the filter allows for both.
 
         Returns

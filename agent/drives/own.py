@@ -21,7 +21,7 @@ class OwnDrive:
     label : str
         For messages.
     make : callable
-        Of a `DriveSetup`; returns an object with ``decide(measures, pose_filter)``, which returns a
+        Function of a `DriveSetup`; returns an object with ``decide(measures, pose_filter)``, which returns a
         `Decision`, or a pair: left and right motor command in units per cycle.
     setup : DriveSetup
     """

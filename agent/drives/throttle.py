@@ -30,7 +30,7 @@ class Throttle:
         ----------
         decision : Decision
         time : int
-            Of the message that it answers, in simulated cycles.
+            Time of the message that it answers, in simulated cycles.
         under_way : int
             Earlier answers that had not left when the message arrived.
 

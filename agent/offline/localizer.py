@@ -103,7 +103,7 @@ def localize(
     obstacle_noise : float
         Standard deviation that the simulator announced, in 1/units; `calibrated` uses it.
     doubts : sequence of Doubt, optional
-        Of each step; default: none.
+        Doubts of each step; default: none.
 
     Returns
     -------

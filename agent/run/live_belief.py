@@ -28,7 +28,7 @@ class BeliefLog:
     ----------
     live : LiveFilter
     rows, columns : int
-        Of the lab's cells.
+        Rows and columns of the lab's cells.
     """
 
     def __init__(self, live: LiveFilter, rows: int, columns: int) -> None:

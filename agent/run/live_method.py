@@ -40,7 +40,7 @@ class LiveSettings:
     goal : (float, float) or None
         Where ``goto`` goes, in units.
     start : str
-        What is possible at the start, see `ciberrato.localization.evidence.start_prior.parse_start`.
+        Prior of the start, see `ciberrato.localization.evidence.start_prior.parse_start`.
     smooth : bool
         Whether the belief file is computed afterwards, from the whole run.
     exit_when_finished : bool

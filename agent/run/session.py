@@ -40,7 +40,7 @@ class Settings:
     port : int
     transport : {"udp", "tcp"}
     position : int
-        In the start grid; 0 = any free one.
+        Position in the start grid; 0 = any free one.
     name : str
         The robot's.
     lab : Lab

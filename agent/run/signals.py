@@ -64,7 +64,7 @@ class Interrupts:
         Parameters
         ----------
         descriptor : int or None
-            Of the socket to watch, if there is one.
+            Descriptor of the socket to watch, if there is one.
         timeout : float
             Seconds.
         """

@@ -86,7 +86,7 @@ class SimulatorLogFollower:
     ----------
     path : Path
     angles : tuple of four float
-        Of the robot's IR sensors in degrees.
+        Angles of the robot's IR sensors in degrees.
     robot : int or None
         Its position number; None = the first in the log.
 

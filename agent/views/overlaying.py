@@ -44,7 +44,7 @@ def show_overlays(
     path : Path
         The agent's log; it need not exist yet.
     lab : Lab
-        Of the run.
+        Lab of the run.
     client : OverlayClient
     ended : callable
         Tells whether to return; what is new by then is still shown.

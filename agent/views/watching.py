@@ -51,7 +51,7 @@ def watch(
     path : Path or SimulatorLogFollower
         The agent's log, which need not exist yet; or a simulator's.
     lab : Lab
-        Of the run.
+        Lab of the run.
     out : text stream
         Standard output if None.
     once : bool
@@ -115,7 +115,7 @@ def screen(
         So far.
     expected : ExpectedReadings or None
     width, height : int
-        Of the terminal.
+        Width and height of the terminal.
     colour : bool
     true_pose : (x, y, heading) or None
         Where the robot really is, units and degrees, if the log holds it.

@@ -58,7 +58,7 @@ class Explanation(NamedTuple):
     slope : (float, float, float)
         Derivative of the expected reading by the state.
     variance : float
-        Of the reading, the state being known.
+        Variance of the reading, the state being known.
     """
 
     prior: float

@@ -56,7 +56,7 @@ def side_explanations(reading: float, side: int, pose: Pose, variance: float) ->
     pose : Pose
         Where the robot was when it took the reading.
     variance : float
-        Of the reading.
+        Variance of the reading.
 
     Returns
     -------

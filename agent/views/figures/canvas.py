@@ -104,7 +104,7 @@ def draw_walls(axis: Any, lab: Lab, *, colour: str = "white") -> None:
         In units of the lab.
     lab : Lab
     colour : str
-        Of walls; their edge is dark so that they show on any ground.
+        Colour of walls; their edge is dark so that they show on any ground.
     """
     from matplotlib.collections import PolyCollection
 
