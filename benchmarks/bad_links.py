@@ -50,7 +50,7 @@ class Condition:
     cut_down_only : bool
         Whether what the agent sends still arrives meanwhile.
     stall : float
-        Seconds that the agent's process stands still at the most, after each message that it dealt with.
+        Longest pause of the agent's process, in seconds, after each message that it has processed.
     """
 
     name: str

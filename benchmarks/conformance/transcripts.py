@@ -32,7 +32,7 @@ GPS_OFFSET = (840.1877167634666, 394.38292663544416)
 UNSENT_SLACK = 2
 """Cycles at the end of a recording whose answers the recorder may not have waited for."""
 
-NAN = "NaN motors, which ruin the robot's pose for ever, are refused"
+NAN = "NaN motors, which make the robot's pose invalid for good, are refused"
 NAMES = "names go out escaped and as UTF-8; what is left is equal"
 LONG_NAME = "a name of more than 600 characters, which kills the real simulator, is refused"
 FOREIGN = "taken from a socket that is not the robot's (our UDP transport drops these; the replay does not)"

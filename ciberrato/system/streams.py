@@ -44,7 +44,7 @@ class Streams:
         Parameters
         ----------
         seconds : float
-            At the longest.
+            Longest time to wait.
 
         Returns
         -------

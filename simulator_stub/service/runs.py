@@ -33,7 +33,7 @@ class Runs:
     most_silent : int or None
         Cycles in a row that a robot may leave unanswered before it counts as gone; None = any number.
     count : int
-        How many runs there are to be; 0 for going on for ever, whatever becomes of the robots.
+        Number of runs; 0: no limit, whatever happens to the robots.
     """
 
     def __init__(

@@ -18,7 +18,7 @@ from simulator_stub.service.transports import TRANSPORTS, Transport
 ANY_PORT_ATTEMPTS = 20
 
 LOOKS = 100
-"""Messages of one client at the most that are taken before a cycle, however many there are."""
+"""Greatest number of messages of one client that are read before a cycle."""
 
 
 def open_transports(names: Sequence[str], host: str, port: int) -> list[Transport]:
