@@ -89,7 +89,7 @@ def _serve(server: Server, notify: Callable[[str], None], warn: Callable[[str], 
         dropped = server.session.dropped_in_all()
         if dropped:
             parts = (f"{name.replace('_', ' ')} {number}" for name, number in dropped.items())
-            notify(f"dropped in all: {', '.join(parts)} (docs/simulator.md says what these are)")
+            notify(f"dropped in all: {', '.join(parts)} (docs/simulator.md explains the names)")
     if server.records_are_whole():
         return 0
     warn("not all that was to be recorded could be: see above")

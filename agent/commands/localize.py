@@ -90,8 +90,8 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
     if options.map is None and is_simulator_log(options.run):
         # The lab is that of the simulator's own log: the drive is not what the method is for.
         Reporter().warn(
-            f"the readings do not fit a robot that drives to the right alone in {lab.name}: what is said of "
-            "its cells is worth nothing where it drove otherwise, or others were in view"
+            f"the readings do not fit a robot that drives to the right alone in {lab.name}: the "
+            "cells are meaningless where it drove otherwise, or other robots were in view"
         )
         return 0
     Reporter().warn(wrong_map(lab.name))

@@ -134,7 +134,7 @@ class LiveMethod:
     def _tables_are_there(self) -> bool:
         """Wait for everything that would come later in another cycle next time; say whether to go on."""
         assert self._tables is not None
-        self._reporter.say("in lockstep: registering when the tables are there")
+        self._reporter.say("in lockstep: registering when the tables are ready")
         for wait in (self._tables.wait, self._tables.wait_for_loops):
             while not wait(_POLL):
                 if self._interrupts.received:
@@ -210,7 +210,7 @@ class LiveMethod:
         if cycle.start and not live.is_ready and not self._without_tables:
             self._without_tables = True
             how = "waiting for them" if self._live.drive == "right" else "driving by the IR sensors alone"
-            self._reporter.say(f"time {cycle.time}: the lab's tables are not there yet, {how}; no belief yet")
+            self._reporter.say(f"time {cycle.time}: the lab's tables are not ready yet, {how}; no belief yet")
         if cycle.estimate is None or not self._live.show:
             return
         from agent.offline.summary import cell_name
@@ -273,7 +273,7 @@ class LiveMethod:
         stop()
         begin = time.monotonic()
         if live.filter is None:
-            self._reporter.say("the lab's tables are not there yet; waiting for them to weigh the run")
+            self._reporter.say("the lab's tables are not ready yet; waiting for them to process the run")
         live.finish()
         assert self._tables is not None
         self._tables.stop()

@@ -142,7 +142,7 @@ class SimulatorConnection:
         except ProtocolError as error:
             self.undecodable += 1
             if self.undecodable == 1:
-                self._notify(f"a message from the simulator is passed over: {error}")
+                self._notify(f"ignored a message from the simulator: {error}")
             return None, []
         if self.state is ConnectionState.SEARCHING:
             return self._receive_reply(message, now)
@@ -211,7 +211,7 @@ class SimulatorConnection:
         self, message: SimulatorMessage, now: float
     ) -> tuple[SimulatorMessage | None, list[Outgoing]]:
         if isinstance(message, Refusal):
-            self._notify("the simulator refuses to be viewed; trying again")
+            self._notify("the simulator refuses this viewer; trying again (see --view-token)")
             self._wait = self._wait * 2.0
             self._deadline = now + min(self._wait, LONGEST_RETRY)
         if not isinstance(message, Acceptance):

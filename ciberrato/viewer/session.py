@@ -130,7 +130,7 @@ class Session:
         except ProtocolError as error:
             self.refused_overlays += 1
             if self.refused_overlays == 1:
-                self._notify(f"a datagram on the overlay port is passed over: {error}")
+                self._notify(f"ignored a datagram on the overlay port: {error}")
             return
         self.overlays.receive(
             message, now=now, time=self.world.frame.time, lab=self.world.lab, place_of=self._place_of

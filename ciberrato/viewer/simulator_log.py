@@ -50,7 +50,7 @@ def load_simulator_log(
             robots.add(logged.robot_id)
             session.show(_status(logged, record.time))
     if not stream.complete:
-        notify(f"{path} has no end, as that of a simulator that was killed: shown as far as it goes")
+        notify(f"{path} has no end (was the simulator killed?); it is shown as far as it goes")
     if not robots:
         notify(f"{path} holds no robot")
     if angles is not None:

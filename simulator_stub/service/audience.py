@@ -139,7 +139,7 @@ class Audience:
         self._dropped["views"] += 1
         if self._dropped["views"] <= 1:
             self._notify(
-                f"let go of a view at {client.peer.label}: {why} (told once; --result has the count)"
+                f"removed a view at {client.peer.label}: {why} (reported once; --result has the count)"
             )
         client.peer.close()
         self.forget_closed()

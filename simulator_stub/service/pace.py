@@ -380,14 +380,14 @@ class Lockstep(Pace):
             time = self.session.simulation.time
             self._notify(
                 f"robot {client.robot_id} left the Measures of time {time} unanswered: its last command "
-                "stays (told once; --result has the count)"
+                "stays (reported once; --result has the count)"
             )
 
     def _tell(self, client: RobotClient, what: str) -> None:
         time = self.session.simulation.time
         self._notify(
             f"robot {client.robot_id}: at time {time} a motor command {what} "
-            "(told once; --result has the count)"
+            "(reported once; --result has the count)"
         )
 
     def _awaited(self) -> list[RobotClient]:

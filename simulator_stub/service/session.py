@@ -261,7 +261,9 @@ class Session:
                 if not room_made:
                     self.make_room()
         if newcomer.faults == 0:
-            self._complain(f"registration from {newcomer.label} waits: no descriptor is left")
+            self._complain(
+                f"registration from {newcomer.label} waits: no file descriptor is left; raise the limit (ulimit -n)"
+            )
         newcomer.faults += 1
         self._reception.put_back(newcomer, registration)
         return None
@@ -309,7 +311,7 @@ class Session:
         if self._complaints <= COMPLAINT_LIMIT:
             self._notify(line)
         if self._complaints == COMPLAINT_LIMIT:
-            self._notify("from here on, what is broken or refused is not reported")
+            self._notify("further broken or refused messages are not reported")
 
     def _read_commands(self) -> None:
         views = self.audience.views
