@@ -261,9 +261,8 @@ class Session:
                 if not room_made:
                     self.make_room()
         if newcomer.faults == 0:
-            self._complain(
-                f"registration from {newcomer.label} waits: no file descriptor is left; raise the limit (ulimit -n)"
-            )
+            why = "no file descriptor is left; raise the limit (ulimit -n)"
+            self._complain(f"registration from {newcomer.label} waits: {why}")
         newcomer.faults += 1
         self._reception.put_back(newcomer, registration)
         return None
