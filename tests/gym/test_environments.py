@@ -184,7 +184,7 @@ def test_episodes_are_drawn_from_the_options() -> None:
         ({"labs": []}, "there must be one at least"),
         ({"labs": "maz"}, "neither a file nor a lab"),
         ({"labs": HALL}, "'hall' has no start grid"),
-        ({"starts": "anywhere"}, "none of grid, free, circuit"),
+        ({"starts": "anywhere"}, "one of grid, free, circuit"),
         ({"starts": [(1.0, 2.0)]}, "is not x, y in units and a direction"),
         ({"task": "circuit", "labs": "twins"}, "there is no start of the kind 'circuit'"),
         ({"noise": (2.0, 1.0)}, "nor a range"),
@@ -205,7 +205,7 @@ def test_resets_check_their_options() -> None:
         env.step([0.0, 0.0])
     with pytest.raises(UsageError, match="lab: 'twins' is not one of maze"):
         env.reset(options={"lab": "twins"})
-    with pytest.raises(UsageError, match="options: speed"):
+    with pytest.raises(UsageError, match="options: unknown speed"):
         env.reset(options={"speed": 3})
     with pytest.raises(ValueError, match="render_mode 'ansi' is not one of"):
         CiberRatoEnv(render_mode="ansi")
