@@ -41,7 +41,7 @@ class Live:
 
     @property
     def note(self) -> str:
-        """Everything but the slowest hundredth of answers."""
+        """Answers without the slowest hundredth."""
         median, slow, most = (1e3 * value for value in self.filter)
         return (
             f"answers {1e3 * self.answers[0]:.1f} ms (median), {1e3 * self.answers[2]:.0f} ms (most); "

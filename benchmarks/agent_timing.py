@@ -53,7 +53,7 @@ def start_rows() -> Iterator[Row]:
 
 
 def end_rows() -> Iterator[Row]:
-    """SIGINT to the renamed file, and to the end of the process, after twelve steps."""
+    """Measure SIGINT to the renamed file, and to the end of the process, after twelve steps."""
     group = f"agent: SIGINT to file, {HOLDING_FOR} steps"
     times = np.array([to_file() for _ in range(REPEATS)])
     yield Row(group=group, who="file in place", seconds=float(times[:, 0].min()), ours=True, reference=True)
@@ -61,7 +61,7 @@ def end_rows() -> Iterator[Row]:
 
 
 def table_rows() -> Iterator[Row]:
-    """The expected readings of the standard lab: 392 readings, and those at 27 pose errors."""
+    """Measure the expected readings of the standard lab: 392 readings, and those at 27 pose errors."""
     group = "agent: expected readings of the standard lab"
     lab = read_lab(find_lab("standard"))
     readings = best_time(lambda: cell_readings(lab, ANGLES))

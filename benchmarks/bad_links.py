@@ -50,7 +50,7 @@ class Condition:
     cut_down_only : bool
         Whether what the agent sends still arrives meanwhile.
     stall : float
-        Seconds that the agent's process stands still at the most, after each message that it dealt with.
+        Longest pause of the agent's process, in seconds, after each message that it has processed.
     """
 
     name: str
@@ -128,12 +128,12 @@ class Network:
 
     @property
     def next(self) -> float:
-        """When something arrives next."""
+        """Time of the next arrival."""
         return self._under_way[0][0] if self._under_way else math.inf
 
 
 def run(condition: Condition, lab_name: str, drive_name: str, seed: int, cycles: int) -> Outcome:
-    """Let the agent drive for a while on a network and a machine as the condition says."""
+    """Run the agent for a while on a network and a machine as the condition says."""
     from agent.drives import make_drive
     from agent.run.live_controller import LiveController
     from ciberrato.files.lab import read_lab
@@ -209,7 +209,7 @@ class _Agent:
         self._next_stop = math.inf
 
     def work(self, until: float) -> Iterator[int]:
-        """Deal with what arrives before a time; yield the times of the messages taken in."""
+        """Process what arrives before a time; yield the times of the messages processed."""
         exchange = self._controller.exchange
         while (now := max(self._free, min(self._down.next, self._next_stop))) < until:
             arrived = [(message, due) for due, message in self._down.receive(now)]
@@ -252,7 +252,7 @@ def _look(localizer: PoseFilter, poses: Sequence[Any], time: int, outcome: Outco
 
 
 def reliability(claims: Sequence[tuple[float, bool]]) -> list[tuple[float, float, int]]:
-    """Return, for each level of probability, what was said (mean), the share that was right, and how many."""
+    """Return, for each level of probability, its mean, the share that was right, and how many there were."""
     said = np.array([one[0] for one in claims])
     right = np.array([one[1] for one in claims], float)
     bins = [np.flatnonzero((said >= low) & (said < high)) for low, high in itertools.pairwise(_LEVELS)]

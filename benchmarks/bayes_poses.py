@@ -55,7 +55,7 @@ def loops(belief: np.ndarray, starts: list[tuple[int, ...]]) -> np.ndarray:
 
 
 def all_pairs(belief: np.ndarray) -> np.ndarray:
-    """Do the same for all pairs with whole arrays."""
+    """Compute the same for all pairs with whole arrays."""
     centres = SPACE.centres().reshape(-1, 3)
     dx, dy = (centres[:, k] - centres[:, k, np.newaxis] for k in (0, 1))
     heading = centres[:, 2, np.newaxis]

@@ -71,7 +71,7 @@ def _log_likelihood(
 
 
 def rounded_probability(reading: float, ideal: float, sigma: float) -> float:
-    """P(floor(10 (ideal + noise) + 0.5) / 10 = reading), taken from the tail that keeps its digits."""
+    """Return P(floor(10 (ideal + noise) + 0.5) / 10 = reading), from the tail that keeps its digits."""
     if sigma == 0:
         return 1.0 if math.floor(10 * ideal + 0.5) == round(10 * reading) else 0.0
     low, high = (reading - 0.05 - ideal) / sigma, (reading + 0.05 - ideal) / sigma

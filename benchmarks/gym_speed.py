@@ -61,7 +61,7 @@ class Runner:
     cycles: int = 1
 
     def warm_up(self) -> None:
-        """Let it compile, and fill its tables; find out how many cycles make a round."""
+        """Compile, fill the tables, and find how many cycles make a round."""
         for _ in range(3 if self.worlds > 1 else 200):
             self.step(self.cycle)
         begun = 0.0
@@ -72,7 +72,7 @@ class Runner:
         self.cycles = max(1, round(SLICE / max(time.thread_time() - begun, 1e-6)))
 
     def run(self) -> None:
-        """Do a round."""
+        """Run a round."""
         begun, wall = time.thread_time(), time.perf_counter()
         for _ in range(self.cycles):
             self.step(self.cycle)

@@ -89,7 +89,7 @@ def places(space: StateSpace, carry: Any = None) -> np.ndarray:
 
 
 def pose_model(case: Case) -> Model:
-    """Make a model over poses ready."""
+    """Prepare a model over poses."""
     carried = case.model.endswith("carried") or case.model == "DifferentialWheels"
     headings = 12 if case.noise >= 10.0 else 24
     width = 2.0 * math.pi / headings
@@ -208,7 +208,7 @@ def pose_model(case: Case) -> Model:
 
 
 def line_model(case: Case) -> Model:
-    """Make a model along a line ready: the steps of whole-cell models are drawn from their own kernels."""
+    """Prepare a model along a line: the steps of whole-cell models are drawn from their own kernels."""
     way = case.way * {"backward": -1.0, "still": 0.0}.get(case.motion, 1.0)
     whole = case.model in ("Shift", "BlockedShift", "KernelMotion", "TransitionMatrix")
     kernel = gaussian_kernel(way, case.noise**2)
@@ -288,7 +288,7 @@ def cases(models: Sequence[str] = MODELS) -> list[Case]:
 
 
 def selection(models: Sequence[str] = MODELS) -> list[Case]:
-    """List of each model, motion and way one noise, so that noises meet ways and motions in turn.
+    """Return one noise for each model, motion and method, so that noises meet methods and motions in turn.
 
     Wide grids, of the greatest noise and the longest ways, are there once for each model, twice for
     `TurnDriveTurn`, and not for the carried models that are made of its passes and take longest.

@@ -116,7 +116,7 @@ def _drawn(model: Model, start: np.ndarray, seed: int, widened: bool) -> Samples
 
 
 def _space(model: Model, start: np.ndarray, box: np.ndarray) -> StateSpace:
-    """Make a grid that holds all samples and what cells add; `start` is the centre of a cell."""
+    """Create a grid that holds all samples and what cells add; `start` is the centre of a cell."""
     # Rays may go where no sample does.
     margin = 10 + math.ceil(1.3 * STEPS * max(0.0, model.apart - 1.0))
     axes = []
@@ -193,7 +193,7 @@ def _variation(points: np.ndarray, weights: np.ndarray, samples: np.ndarray, cel
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the worst of each model and way."""
+    """Print the worst of each model and method."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.motion_exactness", description=__doc__.split("\n")[0]
     )

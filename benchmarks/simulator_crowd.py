@@ -57,7 +57,7 @@ class Crowd:
 
 
 def rows() -> Iterator[Row]:
-    """Yield the processor time of a cycle, over each transport; in a few seconds."""
+    """Yield the processor time of a cycle, over each transport; takes a few seconds."""
     for transport in ("udp", "tcp"):
         run = crowd(transport, seconds=5.0)
         yield Row(
@@ -71,7 +71,7 @@ def rows() -> Iterator[Row]:
 
 
 def describe(run: Crowd) -> str:
-    """Put a run into words."""
+    """Return a run as text."""
     return (
         f"{run.cycles} cycles in {run.wall:.2f} s, {run.late} late by {run.behind} cycle times in all,"
         f" {run.missing} Measures missing, {run.processor / run.wall:.0%} of a core"
@@ -79,7 +79,7 @@ def describe(run: Crowd) -> str:
 
 
 def crowd(transport: str, *, seconds: float, robots: int = ROBOTS) -> Crowd:
-    """Let many robots drive in the open lab, in real time.
+    """Run many robots in the open lab, in real time.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class _Robot:
 
 
 def _drive(transport: str, port: int, robots: int, cycles: int) -> tuple[int, float]:
-    """Answer until all have seen the end; give the Measures that are missing, and the time."""
+    """Answer until all have seen the end; return the missing Measures, and the time."""
     import time
 
     clients = [_Robot(transport, port, number) for number in range(1, robots + 1)]

@@ -62,7 +62,7 @@ def rows() -> Iterator[Row]:
 
 
 def cycle_seconds(transport: str, robots: int) -> float:
-    """Run the simulator once; give the seconds of one cycle."""
+    """Run the simulator once; return the seconds of one cycle."""
     with simulator(CYCLES[robots], robots) as port:
         client = _udp_clients if transport == "udp" else _tcp_clients
         seconds = client(port, robots)
@@ -113,7 +113,7 @@ def _tcp_clients(port: int, robots: int) -> float:
 
 
 def _drive(sockets: list[socket.socket]) -> float:
-    """Answer everything until the end; give the seconds from time 1 on."""
+    """Answer everything until the end; return the seconds from time 1 on."""
     began = 0.0
     poll = select.poll()
     by_number = {own.fileno(): own for own in sockets}
@@ -161,7 +161,7 @@ for own in sockets:
 
 
 def echo_seconds(robots: int) -> float:
-    """Let another process send and receive the same bytes; give the seconds of one cycle."""
+    """Measure the seconds of one cycle in which another process sends and receives the same bytes."""
     cycles = CYCLES[robots]
     command = [sys.executable, "-c", _ECHO, str(robots), str(cycles)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:

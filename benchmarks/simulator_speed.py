@@ -83,7 +83,7 @@ def free_starts(lab: Lab, count: int, rng: np.random.Generator) -> NDArray[np.fl
 
 
 def single_seconds(lab: Lab, start: NDArray[np.float64], *, compiled: bool) -> float:
-    """Drive one robot; give the seconds of one step."""
+    """Drive one robot; return the seconds of one step."""
     x, y, direction = (float(number) for number in start)
     grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction),))
     simulation = Simulation(lab, grid, NOISE, seed=1, compiled=compiled)
@@ -143,7 +143,7 @@ def _share_of_sensors(batch: BatchSimulation, drive: Callable[[], None]) -> floa
 
 
 def plain_steps(lab: Lab, start: NDArray[np.float64], cycles: int) -> list[list[float]]:
-    """Drive in the plainest way that gives such readings; give those of the last cycle."""
+    """Drive in the plainest way that returns such readings; return those of the last cycle."""
     walls = WallMap.from_lab(lab)
     faces = np.column_stack((walls.start, walls.end)).tolist()
     generator = np.random.default_rng(1)

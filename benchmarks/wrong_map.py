@@ -98,7 +98,7 @@ def published(seed: int) -> list[Outcome]:
 
 
 def live(seed: int, cycles: int) -> list[Outcome]:
-    """Explore twice from one start, told the right lab and another."""
+    """Explore twice from one start, once with the right lab and once with another."""
     from agent.drives.registry import make_drive
     from ciberrato.localization.filtering.staged_filter import staged_filter
     from ciberrato.localization.tables.pose_tables import COARSE, FINE

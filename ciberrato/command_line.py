@@ -48,7 +48,7 @@ class ProgramParser(argparse.ArgumentParser):
         self.add_argument("--version", action="version", version=version, help="show the version and end")
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
-        """Parse; from then on any character can be printed."""
+        """Parse arguments; from then on any character can be printed."""
         take_any_character(sys.stdout)
         return super().parse_known_args(*arguments, **options)
 
@@ -72,7 +72,7 @@ class Output:
         """Why something was dropped: the disk is full, the reader of the pipe has gone."""
 
     def write(self, text: str) -> int:
-        """Write, or drop."""
+        """Write the text, or drop it."""
         if self._stream is not None and self.fault is None:
             try:
                 self._stream.write(text)
@@ -81,7 +81,7 @@ class Output:
         return len(text)
 
     def flush(self) -> None:
-        """Hand on what is buffered, or drop it."""
+        """Flush the buffer, or drop it."""
         if self._stream is not None and self.fault is None:
             try:
                 self._stream.flush()
@@ -187,7 +187,7 @@ def _tell(program: str, message: str) -> None:
 
 
 def _open_streams() -> None:
-    """Put nothing in the place of closed standard streams: the next file opened would be taken for them."""
+    """Open the null device for closed standard streams: the next file opened would take their numbers."""
     for descriptor in range(3):
         try:
             os.fstat(descriptor)

@@ -181,7 +181,7 @@ class CRobLink:
         The simulator's port for this robot.
     sock : socket.socket
     measures : CMeasures
-        Of the last call of `readSensors`.
+        Measures of the last call of `readSensors`.
     lost, skipped : int
         Simulated cycles whose Measures never came; Measures that newer ones had overtaken.
 
@@ -269,11 +269,11 @@ class CRobLink:
         self.status = 0
 
     def syncRobot(self) -> None:
-        """Send an empty message, for simulators that wait for one a cycle."""
+        """Send an empty message, for simulators that wait for one per cycle."""
         self._send(Actions())
 
     def driveMotors(self, lPow: float, rPow: float) -> None:
-        """Send motor commands, in units a cycle."""
+        """Send motor commands, in units per cycle."""
         self._send(Actions(left_motor=float(lPow), right_motor=float(rPow)))
 
     def setReturningLed(self, val: bool) -> None:

@@ -76,9 +76,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     Parameters
     ----------
     name : str
-        What there is not.
+        Name that was not found.
     known : iterable of str
-        What there is.
+        Names that exist.
 
     Returns
     -------

@@ -53,7 +53,7 @@ def lab_with_hash(sha256: str) -> Path | None:
     Parameters
     ----------
     sha256 : str
-        Of the file's bytes, in hexadecimal digits.
+        SHA-256 of the file's bytes, in hexadecimal digits.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def lab_with_hash(sha256: str) -> Path | None:
 
 
 def names(kind: str) -> list[str]:
-    """Names of what ships of one kind.
+    """Return the names of the shipped files of one kind.
 
     Parameters
     ----------

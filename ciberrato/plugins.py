@@ -95,7 +95,7 @@ def refuse_taken(group: str, names: Iterable[str]) -> None:
     for name, points in installed(group).items():
         if name in known:
             raise UsageError(
-                f"{GROUPS[group]} {name!r} ({_described(points[0])}): the name is taken by one that is built "
+                f"{GROUPS[group]} {name!r} ({_described(points[0])}): the name is used by one that is built "
                 "in; name the entry point otherwise, or uninstall that distribution"
             )
 
@@ -266,7 +266,7 @@ def _loaded(reference: str, label: str) -> Any:
     for attribute in attributes.split("."):
         if not hasattr(value, attribute):
             meant = did_you_mean(attribute, [one for one in dir(value) if not one.startswith("_")])
-            raise UsageError(f"{label}: there is no {attributes!r} in {name}{meant}")
+            raise UsageError(f"{label}: {name} has no {attributes!r}{meant}")
         value = getattr(value, attribute)
     return value
 

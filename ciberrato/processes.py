@@ -40,7 +40,7 @@ def module_command(module: str, *arguments: str) -> list[str]:
 
 
 def leave_working_folder() -> None:
-    """Take the working folder off the import path, unless the program is run from the checkout that it is.
+    """Remove the working folder from the import path, unless the program is run from its own checkout.
 
     For the ``__main__`` of a package that imports `agent` or `simulator_stub`: ``python -m`` has put the
     folder there, and the user may have an ``agent.py`` of their own in it.

@@ -58,7 +58,7 @@ def short(value: Any) -> str:
 
 
 def cut(text: str, longest: int = LONGEST) -> str:
-    """Put a text on one line, and cut off what is too long."""
+    """Return a text on one line, cut off where it is too long."""
     line = " ".join(text.split())
     return line if len(line) <= longest else f"{line[: longest - 4]}...{line[-1]}"
 

@@ -12,7 +12,7 @@ from examples import PROBLEMS
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """List the problems, or run those named; give the exit status."""
+    """List the problems, or run those named; return the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m examples", description="The classic localization problems, solved, with figures."
     )
@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     names = list(PROBLEMS) if options.problem == ["all"] else options.problem
     for name in names:
         if name not in PROBLEMS:
-            print(f"no problem {name!r}: there are {', '.join(PROBLEMS)}, and all", file=sys.stderr)
+            print(f"unknown problem {name!r}; choose one of {', '.join(PROBLEMS)}, and all", file=sys.stderr)
             return 2
     options.output.mkdir(parents=True, exist_ok=True)
     for name in names:

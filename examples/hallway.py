@@ -60,7 +60,7 @@ class Filtered(NamedTuple):
 
 
 def drive(seed: int) -> Drive:
-    """Go round at 20 cm a step; the odometry errs; a door is reported in the step that ends nearest to it."""
+    """Drive round at 20 cm a step; odometry errs; a door is reported in the step that ends nearest to it."""
     rng = np.random.default_rng(seed)
     start = rng.uniform(0.0, 850.0)
     way = start + SPEED * np.arange(STEPS + 1)
@@ -113,7 +113,7 @@ def motion_matrix(way: float) -> FloatArray:
 
 
 def error(beliefs: FloatArray, truth: FloatArray) -> FloatArray:
-    """Return the expected distance to the truth, the short way round, cm, shape (steps,)."""
+    """Return the expected distance to the truth, the shorter one, cm, shape (steps,)."""
     away = np.abs(SPACE.axes[0].difference(CENTRES, truth[:, np.newaxis]))
     return np.asarray((beliefs * away).sum(axis=1))
 

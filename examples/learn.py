@@ -42,7 +42,7 @@ class Learning(NamedTuple):
 
 
 def act(weights: Floats, observations: NDArray[np.float32], last: Floats) -> Floats:
-    """Let policies act: one hidden layer of tanh.
+    """Compute the policies' actions: one hidden layer of tanh.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def act(weights: Floats, observations: NDArray[np.float32], last: Floats) -> Flo
 
 
 def episode(envs: Any, weights: Floats, seed: int, track: list[Floats] | None = None) -> Floats:
-    """Let each policy drive for an episode; return what each got, shape (n,)."""
+    """Run an episode with each policy; return the rewards, shape (n,)."""
     observations, _ = envs.reset(seed=seed)
     total, last = np.zeros(len(weights)), np.zeros((len(weights), 2))
     over = False
@@ -89,7 +89,7 @@ def learn(
     seed: int = 1,
     floor: float = 0.1,
 ) -> Learning:
-    """Learn, in the lab `corridors`, from all cells that a circuit begins in.
+    """Learn a policy, in the lab `corridors`, from all cells that a circuit begins in.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def learn(
 
 
 def judge(mean: Floats, *, episodes: int = 64, steps: int = 500) -> tuple[Floats, Floats]:
-    """Let the mean policy drive where it has not: other seeds.
+    """Evaluate the mean policy on other seeds.
 
     Returns
     -------
@@ -162,7 +162,7 @@ def draw(learning: Learning, poses: Floats, path: Path) -> Path:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Learn, print what came of it, and draw the figure."""
+    """Learn, print the results, and draw the figure."""
     folder = Path((sys.argv[1:] if arguments is None else list(arguments) or ["build/figures"])[0])
     folder.mkdir(parents=True, exist_ok=True)
     learning = learn()

@@ -141,7 +141,7 @@ def hall(cell: float) -> OccupancyGrid:
 
 
 def build(cell: float = 0.2, headings: int = 180) -> Museum:
-    """Make map, space, range table and motion model."""
+    """Create map, space, range table and motion model."""
     grid = hall(cell)
     space = pose_grid((*grid.occupied.shape, headings), cell=cell)
     free = ~grid.occupied
@@ -154,7 +154,7 @@ def build(cell: float = 0.2, headings: int = 180) -> Museum:
 
 
 def visit(museum: Museum, seed: int) -> Tour:
-    """Take the tour: noisy odometry, and visitors in some beams."""
+    """Simulate the tour: noisy odometry, and visitors in some beams."""
     rng = np.random.default_rng(seed)
     poses = []
     for (x0, y0), (x1, y1) in itertools.pairwise(TOUR):

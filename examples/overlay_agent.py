@@ -60,7 +60,7 @@ class ColumnFilter:
         self.belief: NDArray[np.float64] = np.full((lab.rows, lab.columns), 1.0 / (lab.rows * lab.columns))
 
     def step_right(self) -> None:
-        """Predict: no wall lets the robot pass."""
+        """Predict a step to the right: no wall lets the robot pass."""
         moved = np.zeros_like(self.belief)
         moved[:, 1:] = np.where(self._east, self.belief[:, :-1], 0.0)
         self.belief = moved

@@ -99,7 +99,7 @@ class ParticleFilter:
             yield place
 
     def observe(self, measures: Measures, command: tuple[float, float] | None) -> None:
-        """Take in a message and the command that was in force before it."""
+        """Process a message and the command that was in force before it."""
         if self.first and measures.compass is not None and self.told != "centres":
             # No particle need be spent on headings that the compass rules out.
             noise = math.radians(self.parameters.compass_noise + 0.5)
@@ -205,5 +205,5 @@ class ParticleFilter:
 
 
 def make(setup: FilterSetup) -> ParticleFilter:
-    """Make the filter: what ``--filter examples.particle_filter:make`` names."""
+    """Create the filter: what ``--filter examples.particle_filter:make`` names."""
     return ParticleFilter(setup)

@@ -66,7 +66,7 @@ class Localized(NamedTuple):
 
 
 def simulate(directory: Path, seed: int) -> FloatArray:
-    """Drive with noise, write map, controls, observations and truth, and give the true places, (steps,)."""
+    """Drive with noise, write map, controls, observations and truth, and return the true places, (steps,)."""
     rng = np.random.default_rng(seed)
     place, truth, observations = 20.3, [], []
     for step in range(STEPS):
@@ -113,7 +113,7 @@ def localize(road: Road) -> Localized:
 
 
 def run(output: Path, seed: int) -> list[Path]:
-    """Print the way to certainty, write the beliefs as text and the figure; the data are in the files."""
+    """Print how the belief becomes certain, write beliefs and the figure; the data are in the files."""
     del seed
     road = read(DATA)
     truth = np.array([float(row["x"]) for row in _rows(DATA / "road_truth.csv")])

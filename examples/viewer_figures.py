@@ -65,7 +65,7 @@ class Wanderer(threading.Thread):
 
 @contextlib.contextmanager
 def started(pattern: str, module: str, *arguments: str) -> Iterator[re.Match[str]]:
-    """Start a program of ours; gives the first line of its output that matches."""
+    """Start a program of ours; return the first line of its output that matches."""
     command = [sys.executable, "-m", module, *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         try:
@@ -78,7 +78,7 @@ def started(pattern: str, module: str, *arguments: str) -> Iterator[re.Match[str
 
 @contextlib.contextmanager
 def simulated(lab: str, robots: int, *arguments: str) -> Iterator[tuple[str, int, int]]:
-    """Run a simulator with wanderers and a viewer; gives the page, the simulator's and the overlay port."""
+    """Run a simulator with wanderers and a viewer; yield the page, the simulator's and the overlay port."""
     simulator = ("--lab", lab, "--grid", lab, "--port", "0", "--seed", "7", *arguments)
     with started(r"listening on udp .*:(\d+)", "simulator_stub", *simulator) as listening:
         port = int(listening[1])
@@ -150,7 +150,7 @@ class Studio:
 
 
 def take_all(studio: Studio, folder: Path) -> None:
-    """Take all pictures.
+    """Capture all pictures.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def take_all(studio: Studio, folder: Path) -> None:
 
 
 def _record(folder: Path) -> None:
-    """Let the agent drive through a corridor and write its log."""
+    """Record the log of the agent's drive through a corridor."""
     simulator = ("--lab", "corridors", "--grid", "corridors", "--port", "0", "--seed", "7", "--lockstep")
     arguments = (*simulator, "--autostart", "1", "--speed", "20")
     with started(r"listening on udp .*:(\d+)", "simulator_stub", *arguments) as listening:
@@ -199,7 +199,7 @@ def _record(folder: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Take the pictures into a folder, by default docs/figures."""
+    """Write the pictures to a folder, by default docs/figures."""
     words = sys.argv[1:] if arguments is None else arguments
     folder = Path(words[0]) if words else FOLDER
     chromium = shutil.which("chromium")

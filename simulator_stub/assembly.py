@@ -144,21 +144,21 @@ def build_server(
 
 
 def _tell_who_is_heard(options: argparse.Namespace, host: str, notify: Print) -> None:
-    """Say in one line who can reach the simulator, where that may surprise."""
+    """Report in one line who can reach the simulator, where that may surprise."""
     if options.bind is None:
         notify(
-            "only programs on this machine are heard; for robots on the network, as in a class: "
+            "only programs on this machine can connect; for robots on the network, as in a class, add "
             "--bind 0.0.0.0 --views local"
         )
     elif not host.startswith("127.") and options.views == "all" and options.view_token is None:
         notify(
-            f"everybody who reaches {host} may view, start, stop, reset and remove robots; "
-            "--views local or --view-token TEXT limits that"
+            f"all programs that reach {host} may view, start, stop, reset and remove robots; "
+            "to limit this, add --views local or --view-token TEXT"
         )
 
 
 def _silent_cycles(options: argparse.Namespace, parameters: Parameters) -> int | None:
-    """Cycles without a word of any robot that end a run; None = any number."""
+    """Return the number of cycles without a message of any robot that end a run; None = any number."""
     seconds: float | None = options.exit_when_silent
     if seconds is None or math.isinf(seconds):
         return None

@@ -67,7 +67,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _take_signals() -> dict[int, Callable[[int, FrameType | None], object] | int | None]:
-    """Let both signals end the process at once, until the server has handlers of its own."""
+    """Install the default action for both signals until the server has handlers of its own."""
     try:
         return {number: signal.signal(number, _leave) for number in ENDING}
     except ValueError:  # not in the main thread: the caller there stops us otherwise
@@ -90,7 +90,7 @@ def _serve(server: Server, notify: Callable[[str], None], warn: Callable[[str], 
         dropped = server.session.dropped_in_all()
         if dropped:
             parts = (f"{name.replace('_', ' ')} {number}" for name, number in dropped.items())
-            notify(f"dropped in all: {', '.join(parts)} (docs/simulator.md says what these are)")
+            notify(f"dropped in all: {', '.join(parts)} (docs/simulator.md explains the names)")
     if server.records_are_whole():
         return 0
     warn("not all that was to be recorded could be: see above")

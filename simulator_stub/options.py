@@ -23,7 +23,7 @@ SCORING_MODES = {
     6: "line-planning",
     7: "line-control-45",
 }
-"""Name of each way of scoring, which is not loaded for this."""
+"""Names of the scoring modes; the modes themselves are not imported here."""
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -53,144 +53,167 @@ def _parser() -> argparse.ArgumentParser:
         description="A CiberRato simulator without a window: the wire protocol of the real one, and a seed.",
     )
     world = parser.add_argument_group("the world (each a file, or the name of one that ships)")
-    world.add_argument("--lab", metavar="FILE", help="lab; default: the real simulator's built-in one")
+    world.add_argument("--lab", metavar="FILE", help="lab file; default: the real simulator's built-in lab")
     world.add_argument(
         "--grid",
         metavar="FILE",
-        help="start grid, or the poses themselves: X,Y,DIR[;X,Y,DIR...] in units, degrees; default: 9,3,0",
+        help="start grid file, or poses X,Y,DIR[;X,Y,DIR...] in units and degrees; default: 9,3,0",
     )
-    world.add_argument("--param", metavar="FILE", help="parameters; default: the real simulator's")
+    world.add_argument("--param", metavar="FILE", help="parameter file; default: the real simulator's values")
     modes = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
     world.add_argument(
         "--scoring",
         type=_scoring,
         default=0,
         metavar="MODE",
-        help=f"by number or name: {modes}; or that of an entry point in ciberrato.scoring, or module:Class; "
-        "default: 0",
+        help=f"scoring mode, by number or name: {modes}; or a plugin: the name of an entry point in "
+        "ciberrato.scoring, or module:Class; default: 0",
     )
     world.add_argument(
         "--sensor",
         action="append",
         default=[],
         metavar="NAME",
-        help="give robots a sensor that others wrote: name of an entry point in ciberrato.sensors, or "
-        "module:Class; may be given again",
+        help="add a sensor plugin to the robots: the name of an entry point in ciberrato.sensors, or "
+        "module:Class; may be repeated",
     )
     for name, what in (("gps", "a GPS"), ("beacon", "beacon sensors"), ("compass", "a compass")):
         world.add_argument(
-            f"--{name}", action="store_true", help=f"give robots {what}, whatever the parameters say"
+            f"--{name}",
+            action="store_true",
+            help=f"add {what} to the robots, also where the parameters have none",
         )
     world.add_argument(
-        "--showactions", action="store_true", help="accepted for the real simulator's sake; always announced"
+        "--showactions", action="store_true", help="no effect; accepted as by the real simulator"
     )
     world.add_argument(
         "--strict",
         action="store_true",
-        help="refuse files with warnings: what means something else than it seems",
+        help="refuse files that have warnings; default: report the warnings and go on",
     )
-    world.add_argument("--seed", type=_seed, metavar="N", help="of all random numbers; default: a fresh one")
+    world.add_argument("--seed", type=_seed, metavar="N", help="seed of all random numbers; default: random")
     world.add_argument(
         "--reproducible",
         action="store_true",
-        help="with --seed: write nothing that the seed does not fix; the log's date is SOURCE_DATE_EPOCH, or "
+        help="with --seed: make all output depend on the seed only; the log's date is SOURCE_DATE_EPOCH, or "
         "follows from the seed",
     )
     world.add_argument(
         "--kidnap",
         action="append",
         metavar="CYCLE:X,Y,DIR",
-        help="put the first robot there before that cycle; may be given again",
+        help="move the first robot to that pose (units, degrees) before that cycle; may be repeated",
     )
     network = parser.add_argument_group("the network")
     network.add_argument(
-        "--port", type=_port, default=DEFAULT_PORT, metavar="N", help="default: 6000; 0 takes any free one"
+        "--port",
+        type=_port,
+        default=DEFAULT_PORT,
+        metavar="N",
+        help="port for UDP and TCP; 0: any free port; default: 6000",
     )
     network.add_argument(
         "--bind",
         metavar="ADDRESS",
-        help="listen there; 0.0.0.0: on the network, too; default: 127.0.0.1, this machine only",
+        help="address to listen on; 0.0.0.0: the network, too; default: 127.0.0.1, this machine only",
     )
     network.add_argument(
         "--views",
         type=_views,
         default="all",
         metavar="all|local|N",
-        help="who may view, start, stop, reset and remove: all, only programs on this machine, "
-        "or so many at a time, 0 none; default: all, 256 at a time",
+        help="limit the viewers, which may also start, stop, reset and remove: all (256 at a time), local "
+        "(programs on this machine only), or N at a time; default: all",
     )
     network.add_argument(
         "--view-token",
         type=_token,
         default=os.environ.get(TOKEN_VARIABLE) or None,
         metavar="TEXT",
-        help=f"that viewers must show (ciberrato-viewer --view-token); default: {TOKEN_VARIABLE}, or none",
+        help=f"token required of viewers (their --view-token); default: ${TOKEN_VARIABLE}, or none",
     )
     network.add_argument(
-        "--tcp", action=argparse.BooleanOptionalAction, default=True, help="listen on TCP, too"
+        "--tcp",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="listen on TCP as well as UDP; default: --tcp",
     )
     network.add_argument(
-        "--no-restart", action="store_true", help='robots cannot begin the run again by Reset="On"'
+        "--no-restart",
+        action="store_true",
+        help='ignore a robot\'s Reset="On", which restarts the run by default',
     )
     pace = parser.add_argument_group("the pace")
-    pace.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="X times real time; default: 1")
     pace.add_argument(
-        "--lockstep", action="store_true", help="while running, a cycle as soon as every robot has answered"
+        "--speed", type=_speed, default=1.0, metavar="X", help="speed as a multiple of real time; default: 1"
+    )
+    pace.add_argument(
+        "--lockstep",
+        action="store_true",
+        help="run the next cycle as soon as every robot has answered; default: real time",
     )
     pace.add_argument(
         "--answer-limit",
         type=_seconds,
         metavar="SECONDS",
-        help="how long --lockstep waits for an answer, inf: for ever; default: a few of the robot's own "
-        "answer times, up to 1 while it is at work",
+        help="time that --lockstep waits for an answer, inf: without limit; default: a few times the robot's "
+        "usual answer time, up to 1 while it computes",
     )
     pace.add_argument(
-        "--autostart", type=_count, default=0, metavar="N", help="start as soon as N robots are registered"
+        "--autostart",
+        type=_count,
+        default=0,
+        metavar="N",
+        help="start as soon as N robots have registered; default: wait for a viewer's Start",
     )
     pace.add_argument(
         "--runs",
         type=_runs,
         metavar="N",
-        help="N runs one after the other, seeds counted up, robots registering anew; then exit",
+        help="exit after N runs, each with the next seed; robots register again in each; default: no limit",
     )
     pace.add_argument(
-        "--exit-at-end", action="store_true", help="exit when the run is over, not on a signal only"
+        "--exit-at-end", action="store_true", help="exit when the run is over; default: exit on a signal only"
     )
     pace.add_argument(
         "--exit-when-silent",
         type=_seconds,
         metavar="SECONDS",
-        help="as --exit-at-end, and a run is over, too, when no robot has sent anything for that long, by "
-        "the simulation's own clock",
+        help="exit when the run is over, or when no robot has sent anything for this simulated time",
     )
     output = parser.add_argument_group("output")
     output.add_argument(
-        "--ready-file", type=Path, metavar="FILE", help="write the port there as soon as clients can register"
+        "--ready-file",
+        type=Path,
+        metavar="FILE",
+        help="write the port to a file as soon as clients can register",
     )
     output.add_argument(
         "--ready-fd",
         type=_descriptor,
         metavar="N",
-        help="write the port to that open file descriptor, and close it, as soon as clients can register",
+        help="write the port to an open file descriptor, and close it, as soon as clients can register",
     )
-    output.add_argument("--log", type=Path, metavar="FILE", help="write the real simulator's XML log there")
-    output.add_argument("--truth", type=Path, metavar="FILE", help="write the true poses there, as CSV")
-    output.add_argument("--result", type=Path, metavar="FILE", help="write scores and states there, as JSON")
+    output.add_argument(
+        "--log", type=Path, metavar="FILE", help="write a log in the real simulator's XML format"
+    )
+    output.add_argument("--truth", type=Path, metavar="FILE", help="write the true poses as CSV")
+    output.add_argument("--result", type=Path, metavar="FILE", help="write scores and final states as JSON")
     output.add_argument(
         "--scoring-files",
         type=Path,
         default=Path(),
         metavar="DIR",
-        help="where scoring modes 2, 3, 5 and 6 write mapping.out or planning.out; default: here",
+        help="folder for mapping.out and planning.out of scoring modes 2, 3, 5 and 6; default: this folder",
     )
     output.add_argument(
         "--view",
         nargs="?",
         const="6080",
         metavar="[HOST:]PORT",
-        help="start a viewer beside it, with its page there; default: 127.0.0.1:6080; 0 takes any free port",
+        help="start a viewer, too; address of its page; 0: any free port; default: 127.0.0.1:6080",
     )
-    output.add_argument("--quiet", action="store_true", help="no messages but errors, seed and ports")
+    output.add_argument("--quiet", action="store_true", help="print errors, seed and ports only")
     return parser
 
 
@@ -223,7 +246,7 @@ def _scoring(text: str) -> int | str:
             return text
         listed = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
         meant = did_you_mean(name, SCORING_MODES.values())
-        raise argparse.ArgumentTypeError(f"{text!r} is not a scoring mode; these are: {listed}{meant}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a scoring mode; choose one of {listed}{meant}")
     return numbers[name]
 
 

@@ -125,12 +125,12 @@ class Simulation:
 
     @property
     def state(self) -> SimulatorState:
-        """What the simulator does in the coming call of `step`."""
+        """State of the simulator in the coming call of `step`."""
         return self._machine.current
 
     @property
     def robots(self) -> tuple[Robot, ...]:
-        """All robots, removed ones too, in order of their ids: the live records, to look at only."""
+        """Robots in order of their ids, removed ones too: the live records, not to be changed."""
         return tuple(self._robots.values())
 
     def poses(self) -> NDArray[np.float64]:
@@ -144,7 +144,7 @@ class Simulation:
         return np.array([(robot.x, robot.y, robot.heading) for robot in self.robots]).reshape(-1, 3)
 
     def acceptance(self) -> Acceptance:
-        """Return what clients are told when they register."""
+        """Return what clients receive when they register."""
         return Acceptance(parameters=self.world.parameters, n_beacons=len(self.world.lab.beacons))
 
     def lab_shown(self) -> Lab:
@@ -154,7 +154,7 @@ class Simulation:
     # --- what others want of it, between cycles -----------------------------------------------------
 
     def register(self, registration: RobotRegistration | RobotBeaconRegistration) -> int | None:
-        """Put a robot on its start position.
+        """Register a robot on its start position.
 
         A robot that carries a beacon is taken only where there is no beacon yet. As in the real simulator its
         beacon stays at (0, 0) wherever the robot goes, and only robots that register later have a sensor for
@@ -209,11 +209,11 @@ class Simulation:
         return robot
 
     def note_client(self) -> None:
-        """Take note that a robot or a view was accepted: the first one makes the simulator leave Ready."""
+        """Register that a robot or a view was accepted: the first one makes the simulator leave Ready."""
         self._machine.handle(SimulatorEvent.CLIENT_ACCEPTED)
 
     def start(self) -> None:
-        """Start, or go on: from the next cycle on time passes. Counts only while stopped."""
+        """Start, or go on: time passes from the next cycle on. Has an effect only while stopped."""
         self._machine.handle(SimulatorEvent.START)
 
     def stop(self) -> None:
@@ -221,7 +221,7 @@ class Simulation:
         self._machine.handle(SimulatorEvent.STOP)
 
     def remove(self, robot_id: int) -> None:
-        """Take a robot out of the world at the end of the coming cycle; unknown ids are ignored."""
+        """Remove a robot from the world at the end of the coming cycle; unknown ids are ignored."""
         if robot_id in self._robots:
             self._robots[robot_id].removal_requested = True
 
@@ -246,7 +246,7 @@ class Simulation:
         robot.wanted = (x, y, heading)
 
     def reset(self, seed: int | np.random.Generator | None = None) -> None:
-        """Forget all robots and begin again, at once.
+        """Reset: forget all robots and begin again, at once.
 
         Parameters
         ----------
@@ -264,7 +264,7 @@ class Simulation:
         self._begin_world()
 
     def restart(self) -> None:
-        """Begin again with the robots that are there, at once; the cycle that goes on is the one that starts.
+        """Restart with the present robots, at once; the current cycle is the one that starts.
 
         The robots are put back on their start positions as if they had just registered, motors and LEDs off;
         those that were removed stay so. Random numbers are fresh ones of the same seed.
@@ -283,13 +283,13 @@ class Simulation:
     # --- a cycle -----------------------------------------------------------------------------------
 
     def step(self, actions: Mapping[int, Wanted] | None = None) -> dict[int, Measures]:
-        """Do one cycle.
+        """Run one cycle.
 
         Parameters
         ----------
         actions : mapping of int to Actions, iterable of Actions or (float, float), optional
             What robots want, by id; several messages of one robot are applied in order. Two numbers are left
-            and right motor command in units a cycle.
+            and right motor command in units per cycle.
 
         Returns
         -------
@@ -317,7 +317,7 @@ class Simulation:
         return measures
 
     def launch(self) -> dict[int, Measures]:
-        """Do the two cycles that every run begins with, once the robots are registered.
+        """Run the two cycles with which every run begins, once the robots are registered.
 
         The first leaves Ready, the second reads Start.
 
@@ -333,7 +333,7 @@ class Simulation:
     # The four parts of a cycle, for those who have something to do between them.
 
     def begin_cycle(self) -> None:
-        """Forget what lasts one cycle only."""
+        """Reset what lasts one cycle only."""
         self.restart_requested = False
         for robot in self._robots.values():
             robot.begin_cycle(self.world.parameters.requests_per_cycle)
@@ -342,13 +342,13 @@ class Simulation:
         """Apply one message of a robot.
 
         If it asks for the world to begin again, that is left to the caller (`restart`) when all messages of
-        the cycle are applied; `restart_requested` tells. `step` does it.
+        the cycle are applied; see `restart_requested`. `step` does it.
         """
         robot_of(self._robots, robot_id).apply(actions)
         self.restart_requested |= actions.reset
 
     def advance(self) -> dict[int, Measures]:
-        """Let time pass if the simulator is running; measure in any case."""
+        """Advance the time if the simulator is running; measure in any case."""
         present = [robot for robot in self._robots.values() if robot.state is not RobotState.REMOVED]
         running = self.state is SimulatorState.RUNNING
         if running:
@@ -366,7 +366,7 @@ class Simulation:
         return {robot.robot_id: self._measures(robot) for robot in present}
 
     def statuses(self) -> tuple[RobotStatus, ...]:
-        """Return what views are told; between `advance` and `end_cycle`, as states change only then."""
+        """Return what views receive; between `advance` and `end_cycle`, as states change only then."""
         targets = len(self.world.lab.targets)
         return tuple(robot.status(self.time, targets) for robot in self._robots.values())
 
@@ -403,7 +403,7 @@ class Simulation:
         return measures
 
     def readings(self, robot: Robot, *, over: bool = False) -> Measures:
-        """Return what the log holds: the last readings, asked for or not, and the LEDs.
+        """Return what the log holds: the last readings, requested or not, and the LEDs.
 
         Parameters
         ----------

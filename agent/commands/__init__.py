@@ -37,7 +37,7 @@ DRIVE = "drive"
 
 
 def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
-    """Do what a command line says.
+    """Execute a command line.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def execute(arguments: Sequence[str] | None, interrupts: Interrupts) -> int:
             # No option, so a subcommand was meant; the drive takes nothing but options.
             listed = ", ".join(SUBCOMMANDS)
             meant = did_you_mean(words[0], SUBCOMMANDS)
-            raise UsageError(f"there is no subcommand {words[0]!r}; there are {listed}{meant}")
+            raise UsageError(f"unknown subcommand {words[0]!r}; choose one of {listed}{meant}")
         command = importlib.import_module(f"agent.commands.{name}")
         status: int = command.run(command.make_parser().parse_args(words), interrupts)
         return status

@@ -22,18 +22,18 @@ def make_parser() -> OptionParser:
         "Draw a run as a moving picture: gif, html (one file, works offline), mp4 where ffmpeg is installed.",
     )
     add = parser.add_argument
-    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl, or that of a simulator")
+    add("run", type=Path, metavar="RUN", help="log of the run: run.jsonl, or that of a simulator")
     add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
-    add("-o", "--output", type=Path, required=True, metavar="FILE", help="the animation")
+    add("-o", "--output", type=Path, required=True, metavar="FILE", help="animation")
     add(
         "--truth",
         type=Path,
         metavar="FILE",
-        help="draw the robot at the simulator's true poses (CSV); a simulator's log has them",
+        help="draw the robot at the simulator's true poses (CSV); not needed with a simulator's log",
     )
     add_replay(parser)
     add_salvage(parser)
-    add("--every", type=int, default=4, metavar="N", help="cycles a frame; default: 4")
+    add("--every", type=int, default=4, metavar="N", help="number of cycles per frame; default: 4")
     return parser
 
 

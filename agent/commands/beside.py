@@ -18,7 +18,7 @@ def beside(log: Path, *views: Sequence[str]) -> Iterator[None]:
     Parameters
     ----------
     log : Path
-        Of the run; what an earlier run left there is removed, so that it is not shown.
+        Log of the run; what an earlier run left there is removed, so that it is not shown.
     *views : sequence of str
         Command lines of subcommands that follow the log.
     """

@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 def make_parser() -> OptionParser:
     """Return the parser of the subcommand."""
-    parser = OptionParser(f"{PROGRAM} compare", "Say where and by how much two belief files differ.")
-    parser.add_argument("first", type=Path, metavar="FILE")
-    parser.add_argument("second", type=Path, metavar="FILE")
-    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the differences there")
-    parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab over them")
+    parser = OptionParser(f"{PROGRAM} compare", "Show where and by how much two belief files differ.")
+    parser.add_argument("first", type=Path, metavar="FILE", help="belief file")
+    parser.add_argument("second", type=Path, metavar="FILE", help="belief file to compare with")
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the differences into a picture")
+    parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab, too")
     return parser
 
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Print the differences, and draw them if asked to; return the exit status."""
+    """Print the differences, and draw them with ``--png``; return the exit status."""
     from agent.offline.comparison import compare_beliefs, comparison_table
     from ciberrato.files.beliefs import read_beliefs
 

@@ -31,22 +31,22 @@ def make_parser() -> OptionParser:
         "  walls     the lab as the agent stores it\n"
         "  cones     the sensors in one cell (--cell), and the wall point that each sees\n"
         "  table     what each sensor should read in every cell\n"
-        "  beliefs   a panel a step (--beliefs; --truth rings the true cell)\n"
+        "  beliefs   one panel per step (--beliefs; --truth rings the true cell)\n"
         "  curves    probability and entropy over the steps (--beliefs)\n"
         "  errors    error of the dead reckoning over the run (--run and --truth)",
     )
     add = parser.add_argument
     add("what", choices=("walls", "cones", "table", "beliefs", "curves", "errors"), metavar="WHAT")
     add("-m", "--map", default="standard", metavar="LAB", help="lab file or name; default: standard")
-    add("-o", "--output", type=Path, required=True, metavar="FILE", help="the figure")
-    add("--cell", default="1,1", metavar="X,Y", help="a point of the cell, in units; default: 1,1")
-    add("--heading", type=float, default=0.0, metavar="DEGREES", help="of the robot; default: 0")
+    add("-o", "--output", type=Path, required=True, metavar="FILE", help="figure")
+    add("--cell", default="1,1", metavar="X,Y", help="point of the cell, in units; default: 1,1")
+    add("--heading", type=float, default=0.0, metavar="DEGREES", help="heading of the robot; default: 0")
     add(
         "--angles",
         type=option_types.angles,
         default=(0.0, 90.0, -90.0, 180.0),
         metavar="A,B,C,D",
-        help="of the sensors, degrees; default: 0,90,-90,180",
+        help="angles of the sensors, degrees; default: 0,90,-90,180",
     )
     add("--distance", choices=("sensor", "cone"), default="sensor", help="distance model; default: sensor")
     add("--beliefs", type=Path, metavar="FILE", help="belief file, localization.out")
@@ -58,7 +58,7 @@ def make_parser() -> OptionParser:
 
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Draw what is asked for; return the exit status."""
+    """Draw the requested figures; return the exit status."""
     lab, _, _ = read_lab_file(options.map)
     _DRAWINGS[options.what](options, lab)
     print(f"figure: {options.output}")
@@ -153,7 +153,7 @@ def _needed(options: argparse.Namespace, name: str) -> Path:
 
 
 def _true_cells(options: argparse.Namespace, blocks: int) -> list[Cell | None] | None:
-    """Look up the true cell of each block; the log tells at which cycle each step was."""
+    """Return the true cell of each block; the log has the cycle of each step."""
     if options.truth is None:
         return None
     from ciberrato.files.truth import read_truth, true_cells

@@ -23,7 +23,7 @@ DEFAULT_LOG = Path("run.jsonl")
 
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Drive; return the exit status."""
+    """Drive, and return the exit status."""
     settings = settings_of(options)
     interrupts.arm()
     views = []
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _drive(options: argparse.Namespace, settings: Settings, interrupts: Interrupts) -> int:
-    """Drive, and with ``--reconnect`` again, as often as the simulator goes away; return the exit status."""
+    """Drive, and with ``--reconnect`` again whenever the simulator goes away; return the exit status."""
     import dataclasses
     from itertools import count
 
@@ -160,14 +160,20 @@ def make_parser() -> OptionParser:
         + "".join(_line(f"{name} {words}", what) for name, (words, what) in SUBCOMMANDS.items()),
     )
     add = parser.add_argument
-    add("-h", "--host", default="127.0.0.1", metavar="[HOST][:PORT]", help="default: this machine, port 6000")
+    add(
+        "-h",
+        "--host",
+        default="127.0.0.1",
+        metavar="[HOST][:PORT]",
+        help="simulator; default: 127.0.0.1:6000",
+    )
     add(
         "-p",
         "--pos",
         type=option_types.count,
         default=1,
         metavar="N",
-        help="start position, 0 = any free; default: 1",
+        help="start position, 0: any free one; default: 1",
     )
     add(
         "-r",
@@ -179,44 +185,64 @@ def make_parser() -> OptionParser:
     )
     add("-m", "--map", default=DEFAULT_MAP, metavar="LAB", help=f"lab file or name; default: {DEFAULT_MAP}")
     add_strict(parser)
-    add("--transport", choices=("udp", "tcp"), default="udp", help="default: udp")
-    add("--log", type=Path, default=DEFAULT_LOG, metavar="FILE", help=f"default: {DEFAULT_LOG}")
+    add("--transport", choices=("udp", "tcp"), default="udp", help="transport; default: udp")
+    add(
+        "--log",
+        type=Path,
+        default=DEFAULT_LOG,
+        metavar="FILE",
+        help=f"log of the run; default: {DEFAULT_LOG}",
+    )
     add_output(parser)
-    add("--preset", choices=PRESETS, default="calibrated", help="default: calibrated")
+    add("--preset", choices=PRESETS, default="calibrated", help="preset of the filter; default: calibrated")
     add_precision(parser, default=3)
-    add("--distance", choices=DISTANCES, default="sensor", help="default: sensor")
+    add(
+        "--distance",
+        choices=DISTANCES,
+        default="sensor",
+        help="distance model of the sensors; default: sensor",
+    )
     add(
         "--angles",
         type=option_types.angles,
         default=(0.0, 90.0, -90.0, 180.0),
         metavar="A,B,C,D",
-        help="of the IR sensors, degrees; default: 0,90,-90,180 (--angles=-90,... if the first is negative)",
+        help="angles of the IR sensors, degrees; default: 0,90,-90,180 (--angles=-90,... if the first is "
+        "negative)",
     )
     add(
         "--cruise",
         type=option_types.cruise,
         default=0.1,
         metavar="POWER",
-        help="motor command to 0.15; default: 0.1",
+        help="motor command on straight legs, up to 0.15; default: 0.1",
     )
-    add("--online", action="store_true", help="know the pose while driving: print and log it every cycle")
+    add("--online", action="store_true", help="estimate the pose while driving: print and log it every cycle")
     add(
         "--drive",
         type=option_types.drive,
         default=(RIGHT, None),
         metavar="POLICY",
-        help=f"{_drives()}; all but the first work from an unknown pose and imply --online",
+        help=f"drive: {_drives()}; all but the first work from an unknown pose and imply --online",
     )
     add(
         "--start",
         type=option_types.start,
         default="anywhere",
         metavar="WHERE",
-        help="what --online takes for possible: anywhere (any free pose, default), centres (of cells, four "
-        "headings), centres:DEGREES, X,Y or X,Y,DEGREES",
+        help="prior of --online: anywhere (any free pose, default), centres (of cells, four headings), "
+        "centres:DEGREES, X,Y or X,Y,DEGREES",
     )
-    add("--smooth", action="store_true", help="belief file of the whole run's knowledge, for every cell")
-    add("--exit-when-finished", action="store_true", help="end the run when active or goto are done")
+    add(
+        "--smooth",
+        action="store_true",
+        help="write smoothed beliefs: every cell, given all readings of the run",
+    )
+    add(
+        "--exit-when-finished",
+        action="store_true",
+        help="end the run when the drive active or goto has finished",
+    )
     add(
         "--lockstep",
         action="store_true",
@@ -229,33 +255,33 @@ def make_parser() -> OptionParser:
         type=option_types.seconds,
         default=2.0,
         metavar="SECONDS",
-        help="end the run after so long without Measures; default: 2",
+        help="end the run after this time without Measures; default: 2",
     )
     add(
         "--give-up-after",
         type=option_types.seconds,
         metavar="SECONDS",
-        help="end if no simulator has answered for so long; default: never",
+        help="end if no simulator answers in this time; default: never",
     )
     add(
         "--reconnect",
         action="store_true",
-        help="when the simulator has gone, register again and localize anew: run.2.jsonl, localization.2.out",
+        help="register and localize again when the simulator has gone: run.2.jsonl, localization.2.out",
     )
     add(
         "--seed",
         type=option_types.count,
         metavar="N",
-        help="of the simulation, for the log (the agent has none)",
+        help="seed of the simulation, for the log only (the agent needs none)",
     )
-    add("--quiet", action="store_true", help="print nothing but errors")
-    add("--watch", action="store_true", help="show the run on one screen while it goes on")
+    add("--quiet", action="store_true", help="print errors only")
+    add("--watch", action="store_true", help="show the run on one screen, live")
     add(
         "--viewer",
         nargs="?",
         const="",
         metavar="PORT",
-        help="show the belief in a ciberrato-viewer on this machine; default port: 6001",
+        help="show the belief in a ciberrato-viewer on this machine; default of PORT: 6001",
     )
     return parser
 

@@ -67,7 +67,7 @@ def check_output(path: Path) -> None:
     if path.is_dir():
         raise UsageError(f"{path}: is a directory; give a file")
     if not folder.is_dir():
-        raise UsageError(f"{path}: there is no directory {folder}")
+        raise UsageError(f"{path}: no directory {folder}; create it")
     if not os.access(folder, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
         raise UsageError(f"{path}: cannot be written: permission denied")
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Print what the file says, and draw it if asked to; return the exit status."""
+    """Print the contents of the file, and draw it on request; return the exit status."""
     import shutil
 
     from agent.views.inspection import inspect
@@ -45,8 +45,8 @@ def _refuse_log(path: Path) -> None:
 
 def make_parser() -> OptionParser:
     """Return the parser of the subcommand."""
-    parser = OptionParser(f"{PROGRAM} inspect", "Validate a belief file and show what it says.")
-    parser.add_argument("file", type=Path, metavar="FILE", help="the belief file, localization.out")
-    parser.add_argument("--png", type=Path, metavar="FILE", help="draw all steps there")
-    parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab over them")
+    parser = OptionParser(f"{PROGRAM} inspect", "Validate a belief file and summarize it.")
+    parser.add_argument("file", type=Path, metavar="FILE", help="belief file, localization.out")
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw all steps into a picture")
+    parser.add_argument("-m", "--map", metavar="LAB", help="draw the walls of this lab, too")
     return parser

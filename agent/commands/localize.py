@@ -128,7 +128,7 @@ def _filter_poses(options: argparse.Namespace, recorded: RecordedRun, lab: Lab) 
 
 
 def _read(options: argparse.Namespace) -> tuple[RecordedRun, Lab]:
-    """Read the log, whosever it is, and the lab."""
+    """Read the log, of an agent or of a simulator, and the lab."""
     from agent.offline.simulator_log import is_simulator_log
 
     if is_simulator_log(options.run):
@@ -171,21 +171,21 @@ def make_parser() -> OptionParser:
         "or a simulator's (--log of ciberrato-simulator or of the real one), which also holds the lab.",
     )
     add = parser.add_argument
-    add("run", type=Path, metavar="RUN", help="the log")
+    add("run", type=Path, metavar="RUN", help="log of the run")
     add(
         "-m",
         "--map",
         metavar="LAB",
-        help="lab file or name; default: the simulator's log holds it, or a "
-        "lab that ships has the SHA-256 of the run's",
+        help="lab file or name; default: the lab in a simulator's log, or a "
+        "lab that ships with the SHA-256 of the run's lab",
     )
-    add("--force", action="store_true", help="use LAB though the run was recorded with another")
+    add("--force", action="store_true", help="use LAB even if the run was recorded with another lab")
     add_strict(parser)
     add_output(parser)
-    add("--preset", choices=PRESETS, help="of the filter; default: that of the run")
+    add("--preset", choices=PRESETS, help="preset of the filter; default: that of the run")
     add_precision(parser, default=None)
     add_replay(parser)
     add_salvage(parser)
     add("--animate", type=Path, metavar="FILE", help="draw the run as a moving picture: .gif, .html, .mp4")
-    add("--quiet", action="store_true", help="no table")
+    add("--quiet", action="store_true", help="print no table")
     return parser

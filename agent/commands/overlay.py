@@ -21,7 +21,7 @@ def make_parser() -> OptionParser:
         f"{PROGRAM} overlay", "Send what a run's agent believes to a ciberrato-viewer. Ctrl-C ends it."
     )
     add = parser.add_argument
-    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl; may not exist yet")
+    add("run", type=Path, metavar="RUN", help="log of the run, run.jsonl; need not exist yet")
     add("-m", "--map", required=True, metavar="LAB", help="lab file or name")
     add("--viewer", default="", metavar="PORT", help="where the viewer takes overlays; default: 6001")
     add_salvage(parser)

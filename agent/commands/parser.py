@@ -30,7 +30,7 @@ class OptionParser(ProgramParser):
         super().__init__(
             usage, description, add_help=False, formatter_class=argparse.RawDescriptionHelpFormatter
         )
-        self.add_argument("--help", action="help", help="show this and end")
+        self.add_argument("--help", action="help", help="show this help and end")
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +60,7 @@ def add_precision(parser: argparse.ArgumentParser, default: int | None) -> None:
         None = that of the run.
     """
     shown = "that of the run" if default is None else default
-    text = f"decimals, 2 to 17; default: {shown}"
+    text = f"number of decimals, 2 to 17; default: {shown}"
     parser.add_argument("--precision", type=option_types.precision, default=default, metavar="N", help=text)
 
 
@@ -71,11 +71,11 @@ def add_strict(parser: argparse.ArgumentParser) -> None:
     ----------
     parser : argparse.ArgumentParser
     """
-    parser.add_argument("--strict", action="store_true", help="refuse a lab with warnings")
+    parser.add_argument("--strict", action="store_true", help="refuse a lab that has warnings")
 
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
-    """Add ``--angles`` and ``--robot``: what a simulator's log does not tell, and whose run of it is meant.
+    """Add ``--angles`` and ``--robot``: what a simulator's log does not hold, and which robot's run is meant.
 
     Parameters
     ----------
@@ -86,13 +86,13 @@ def add_replay(parser: argparse.ArgumentParser) -> None:
         type=option_types.angles,
         default=(0.0, 90.0, -90.0, 180.0),
         metavar="A,B,C,D",
-        help="of the IR sensors, where a simulator's log does not tell; default: 0,90,-90,180",
+        help="angles of the IR sensors, degrees, for a simulator's log; default: 0,90,-90,180",
     )
     parser.add_argument(
         "--robot",
         type=option_types.count,
         metavar="N",
-        help="which one of a simulator's log; default: the first",
+        help="id of the robot in a simulator's log; default: the first",
     )
 
 
@@ -106,5 +106,5 @@ def add_salvage(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--salvage",
         action="store_true",
-        help="leave out lines of the log that cannot be read, with a warning each",
+        help="skip unreadable lines of the log, each with a warning",
     )

@@ -24,7 +24,7 @@ def make_parser() -> OptionParser:
         "Show a run while it goes on: one screen, redrawn as the log grows. Ctrl-C ends it.",
     )
     add = parser.add_argument
-    add("run", type=Path, metavar="RUN", help="the run's log, run.jsonl, or that of a simulator")
+    add("run", type=Path, metavar="RUN", help="log of the run: run.jsonl, or that of a simulator")
     add("-m", "--map", metavar="LAB", help="lab file or name; not needed with a simulator's log")
     add_replay(parser)
     add_salvage(parser)

@@ -1,8 +1,8 @@
-"""``active``: goes where the poses that are left are told apart soonest, and stops once the pose is known.
+"""``active``: drives to where the remaining poses can be distinguished soonest; stops when the pose is known.
 
-While nearly everything is possible, any open way tells much, and the next leg is that of `explore`. As soon
-as a handful of hypotheses carries the belief, the path that tells them apart best for its time is planned
-over relative poses (`agent.drives.disambiguation`), and planned again whenever the belief has changed much.
+While nearly everything is possible, any open path is informative, and the next leg is that of `explore`.
+As soon as a handful of hypotheses carries the belief, the path that distinguishes them best for its time is
+planned over relative poses (`agent.drives.disambiguation`), and again whenever the belief has changed much.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class _Mode(StrEnum):
 
 
 def make(setup: DriveSetup) -> ActiveDrive:
-    """Make the drive."""
+    """Create the drive."""
     return ActiveDrive(
         setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise, stop=setup.stop_when_localized
     )
@@ -85,7 +85,7 @@ class ActiveDrive:
         return self._mode is _Mode.LOCALIZED
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         self._known = self._known + 1 if pose_filter.estimate().certain else 0
         if self._known >= self._hold:
             self._mode = _Mode.LOCALIZED
@@ -105,7 +105,7 @@ class ActiveDrive:
         return self._roamer.decide(measures, pose_filter)
 
     def _choose(self, pose_filter: GridFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
-        """Choose the first leg of the path that tells most; see `agent.drives.roam.ChooseLeg`."""
+        """Choose the first leg of the most informative path; see `agent.drives.roam.ChooseLeg`."""
         self._since_choice, self._doubt = 0, math.inf
         found = _hypotheses(pose_filter)
         if len(found) > 1:
@@ -126,7 +126,7 @@ def _hypotheses(pose_filter: GridFilter) -> list[PoseEstimate]:
 
 
 def _entropy(found: list[PoseEstimate]) -> float:
-    """Entropy over hypotheses in bits, the rest of the belief taken for many more."""
+    """Compute the entropy over hypotheses in bits; the rest of the belief counts as many more."""
     known = np.array([mode.probability for mode in found if mode.probability > 0.0])
     rest = max(1.0 - float(known.sum()), 0.0)
     return float(-(known * np.log2(known)).sum()) + rest * math.log2(4.0 * _HYPOTHESES)

@@ -19,7 +19,7 @@ class Decision:
     Attributes
     ----------
     command : (float, float)
-        Left and right motor command in units a cycle.
+        Left and right motor command in units per cycle.
     end_led, returning_led, visiting_led : bool or None
         LEDs to set; None leaves them.
     finished : str or None
@@ -47,7 +47,7 @@ class DriveSetup:
     argument : object
         What the drive's `agent.drives.registry.DriveKind.argument` has read; None if it takes nothing.
     cruise : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     stop_when_localized : bool
         Whether a drive that seeks the pose stands still once it is known.
     """

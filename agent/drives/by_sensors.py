@@ -32,7 +32,7 @@ class SensorDrive:
         Mounting angles of the IR sensors in degrees.
     obstacle_noise : float
     cruise : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     """
 
     def __init__(self, angles: Sequence[float], obstacle_noise: float, *, cruise: float = 0.1) -> None:

@@ -28,7 +28,7 @@ LEAST_CLEARANCE = ROBOT_RADIUS + 0.09
 """Units that the nodes of a path keep from walls; what lies between two of them is at most 0.01 nearer."""
 STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
 """Of row and column, to the east, north, west and south: at headings of 0, 90, 180 and 270 degrees."""
-_TURN_RATE = 2.0 * MAX_POWER  # radians a cycle
+_TURN_RATE = 2.0 * MAX_POWER  # radians per cycle
 _TURN_OVERHEAD = 3.5
 """Cycles that braking, setting out, and what the wheels run on take when the robot turns in place."""
 _STRAGGLER = 6.0
@@ -69,7 +69,7 @@ class CellGraph:
     joined: NDArray[np.bool_]
 
     def neighbours(self, cell: Cell) -> list[Cell]:
-        """Cells to which there is a straight path."""
+        """Return the cells to which there is a straight path."""
         return [(cell[0] + STEPS[k][0], cell[1] + STEPS[k][1]) for k in np.flatnonzero(self.joined[cell])]
 
     def quickest(
@@ -141,7 +141,7 @@ def join_cells(lattice: Lattice, rows: int, columns: int, least: float = LEAST_C
     lattice : Lattice
         Cell centres are nodes.
     rows, columns : int
-        Of the lab.
+        Rows and columns of the lab.
     least : float
         Units that all nodes on the path are away from walls.
 
@@ -168,7 +168,7 @@ def find_stands(
     ----------
     lattice : Lattice
     columns : int
-        Of the lab.
+        Columns of the lab.
     least : float
         Units from walls.
 

@@ -81,7 +81,7 @@ class CellDrive:
         Mounting angles of the IR sensors in degrees.
     obstacle_noise : float
     speed : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     """
 
     def __init__(self, angles: tuple[float, ...], obstacle_noise: float, *, speed: float = MAX_POWER) -> None:
@@ -121,7 +121,7 @@ class CellDrive:
     # --- every cycle ------------------------------------------------------------------------------------
 
     def observe(self, measures: Measures, pose_filter: GridFilter, last: Command | None) -> None:
-        """Take in a message, also where another drive decides on the answer.
+        """Process a message, also where another drive decides on the answer.
 
         Parameters
         ----------
@@ -168,7 +168,7 @@ class CellDrive:
             self._seen[row, column] = self._tick
 
     def _take_pose(self, pose: Pose) -> None:
-        """Take over an estimate; one that does not move as the wheels do is not to be trusted for a while."""
+        """Adopt an estimate; one that does not move as the wheels do is not trusted for a while."""
         if self._pose is None or self._reckoned is None:
             self._reckoned = pose
         x, y, heading = self._reckoned
@@ -214,7 +214,7 @@ class CellDrive:
         return round(command[0], 4), round(command[1], 4)
 
     def _fail(self) -> None:
-        """Bar the way that the robot was on; after two failures in short time leave it to others."""
+        """Block the path that the robot was on; after two failures in short time leave it to others."""
         if self._tick - self._failed < _SHORT_TIME:
             self._pause = _PAUSE
         self._failed = self._tick
@@ -231,7 +231,7 @@ class CellDrive:
         self._blocked = 0
 
     def _give_up(self) -> None:
-        """Let the cell at the end of the way count as seen."""
+        """Mark the cell at the end of the path as seen."""
         cell = _cell_of(*self._path[-1][:2])
         if cell in self._stands:
             self._seen[cell] = self._tick
@@ -291,7 +291,7 @@ class CellDrive:
         return [centre((int(row), int(column))) for row, column in np.argwhere(self._graph.free)]
 
     def _extend(self) -> None:
-        """Plan on from the last place of the way, in time to go straight on there."""
+        """Extend the path from its last place, in time to go straight on there."""
         last = self._path[-1]
         if last.cell is None or self._beyond:
             return
@@ -312,7 +312,7 @@ class CellDrive:
         self._blocked = self._turned = 0
 
     def _follow(self) -> Command | None:
-        """Return the command for the leg that the robot is on; None if something is in the way."""
+        """Return the command for the leg that the robot is on; None if it is blocked."""
         assert self._pose is not None
         x, y, heading = self._pose
         moved = (self._wheels[0] + self._wheels[1]) / 2.0

@@ -75,7 +75,7 @@ def draw(belief: PoseBelief, count: int = SAMPLES) -> PoseSample:
 
 
 def clearance(lattice: Lattice, x: Floats, y: Floats) -> Floats:
-    """Distance to the nearest wall at the nodes nearest to some places; 0 where nothing is free.
+    """Return the distance to the nearest wall at the nodes nearest to some places; 0 where nothing is free.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def clearance(lattice: Lattice, x: Floats, y: Floats) -> Floats:
 
 
 def free_distances(lattice: Lattice, sample: PoseSample, turns: Floats, longest: float) -> Floats:
-    """How far each sampled pose could drive straight on after a turn.
+    """Compute how far each sampled pose could drive straight on after a turn.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def free_distances(lattice: Lattice, sample: PoseSample, turns: Floats, longest:
 def arc_clearances(
     lattice: Lattice, sample: PoseSample, curvatures: Floats, length: float
 ) -> tuple[Floats, Floats]:
-    """Look along short arcs.
+    """Compute the clearance along short arcs.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ def _square(lattice: Lattice, place: Point) -> int:
 
 
 def _corners(walls: WallMap, places: list[Point], clearance: float) -> list[Point]:
-    """Leave out the places between which one can drive straight on."""
+    """Remove the places between which a robot can drive straight on."""
     corners, at = [], 0
     while at < len(places) - 1:
         beyond = at + 1

@@ -1,4 +1,4 @@
-"""How to tell a few possible poses apart: multi-hypothesis active localization.
+"""Distinguish a few possible poses: multi-hypothesis active localization.
 
 When a handful of poses is left, the robot knows a lot about what it would see: on the same path relative to
 itself, every hypothesis predicts its own readings. The paths that are free under all hypotheses form one
@@ -30,8 +30,8 @@ _RADIUS = 18  # nodes to each side
 _CLEARANCE = 0.56  # units of clearance that a node must have
 _LEAVING = 0.5
 _DIRECTIONS = 8
-_SPEED = 0.14  # units a cycle
-_TURN_RATE = 0.27  # radians a cycle
+_SPEED = 0.14  # units per cycle
+_TURN_RATE = 0.27  # radians per cycle
 _TURN_START = 3.0  # cycles that stopping and starting to turn cost
 _EXPONENT = 0.4
 _CLIP = 5.0
@@ -56,7 +56,7 @@ FIRST_TURNS: Floats = np.arange(_DIRECTIONS, dtype=np.float64) * (2.0 * math.pi 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The first leg of the path that is expected to tell most.
+    """The first leg of the path that is expected to be most informative.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class PredictedReadings:
 def plan(
     tables: PoseTables, hypotheses: list[PoseEstimate], noise: float, barred: NDArray[np.bool_]
 ) -> Plan | None:
-    """Find the path that tells some hypotheses apart best for the time that it takes.
+    """Find the path that best separates some hypotheses for the time that it takes.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def _relative() -> tuple[Floats, Floats]:
 def _places(
     poses: Floats, ahead: NDArray[np.floating[Any]], left: NDArray[np.floating[Any]]
 ) -> tuple[Floats, Floats]:
-    """Relative places as seen by each hypothesis; shape (hypotheses, ...)."""
+    """Compute relative places as seen by each hypothesis; shape (hypotheses, ...)."""
     expand = (slice(None),) + (np.newaxis,) * ahead.ndim
     x, y, heading = (poses[:, i][expand] for i in range(3))
     cosine, sine = np.cos(heading), np.sin(heading)
@@ -278,7 +278,7 @@ def _evidence(
 
 
 def _turning(predict_readings: PredictedReadings, poses: Floats) -> Floats:
-    """Evidence gathered by turning in place to each direction; shape (8, hypotheses, hypotheses)."""
+    """Compute the evidence of turning in place to each direction; shape (8, hypotheses, hypotheses)."""
     looks = 2 * _DIRECTIONS
     angles = 2.0 * math.pi / looks * np.arange(looks)
     shape = (len(poses), looks)
@@ -293,7 +293,7 @@ def _turning(predict_readings: PredictedReadings, poses: Floats) -> Floats:
 
 
 def _apart(foretold: tuple[Floats, Floats]) -> Floats:
-    """Evidence of a cycle between each pair; from (hypotheses, places, sensors) to (places, h, h)."""
+    """Compute the evidence of a cycle between pairs; from (hypotheses, places, sensors) to (places, h, h)."""
     low, high = (part.transpose(1, 0, 2) for part in foretold)
     gap = low[:, :, np.newaxis] - high[:, np.newaxis]
     gap = np.maximum(np.maximum(gap, gap.transpose(0, 2, 1, 3)), 0.0)
@@ -307,7 +307,7 @@ def _gain(weights: Floats, evidence: Floats) -> Floats:
 
 
 def _first_leg(state: int, parents: Integers) -> tuple[float, float]:
-    """Go back along a path to its first leg: the turn, and how far straight on."""
+    """Trace a path back to its first leg: the turn, and how far straight on."""
     chain = [state]
     start = _RADIUS * _SIDE + _RADIUS
     while parents[chain[-1]] not in (-1, start):

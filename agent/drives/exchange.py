@@ -69,7 +69,7 @@ class Exchange:
         return self._order.stale
 
     def sent(self, time: float) -> None:
-        """Note when the last answer left.
+        """Record when the last answer was sent.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class Exchange:
             self._note(time, self.command)
 
     def stopped(self, time: float) -> Actions:
-        """Note that the robot is stopped, as nothing is heard, and return the message that does it.
+        """Record that the robot is stopped, as no message arrives, and return the message that does it.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Exchange:
         arrived : float or None
             When the message arrived; None = not known, taken to be after the last answer.
         time : int or None
-            Of the message, in simulated cycles. After some that never came it is not known whether a stop has
+            Time of the message, in simulated cycles. After lost messages it is not known whether a stop has
             reached the robot: then it is not counted, and the filter allows for both.
 
         Returns
@@ -143,7 +143,7 @@ class Exchange:
         return self.round_trip if self.pace.is_real_time and not self.lockstep else 0.0
 
     def news(self, messages: Sequence[tuple[Measures, float | None]]) -> list[tuple[Measures, float | None]]:
-        """Sort out what has come together: messages that are news, in the order of their times.
+        """Sort messages that have come together; return those that are news, in the order of their times.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Exchange:
         return self._judged[-1][1]
 
     def take(self, measures: Measures) -> None:
-        """Note a message that is news."""
+        """Record a message that is news."""
         self._judged = deque((one for one in self._judged if one[0] is not measures), _JUDGED)
         if self.time is not None:
             missing = max(measures.time - self.time - 1, 0)
@@ -202,12 +202,12 @@ class Exchange:
         self.time = measures.time
 
     def answer(self, command: Command) -> Actions:
-        """Return the answer with a command, and with the sensors whose turn it is to be asked for."""
+        """Return the answer with a command, and with the sensors that are to be requested next."""
         self.command = command
         return Actions(left_motor=command[0], right_motor=command[1], requests=self._requests.next())
 
     def end_of_time(self, measures: Measures) -> str | None:
-        """Return why the simulator goes on no longer, if that is so."""
+        """Return why the simulator does not go on; None if it does."""
         if measures.time > 0 and not measures.start and not measures.stop:
             return "the simulation is over"
         if 0 < self._parameters.sim_time <= measures.time:
@@ -215,7 +215,7 @@ class Exchange:
         return None
 
     def summary(self) -> str | None:
-        """Say what was missing, or None if nothing was."""
+        """Return a line on what was missing, or None if nothing was."""
         told = []
         if self.lost:
             longest = f", {self.longest_gap} of them in a row" * (self.longest_gap > 1)

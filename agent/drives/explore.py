@@ -20,7 +20,7 @@ _TURNS = np.deg2rad(np.arange(-165, 181, 15))
 
 
 def make(setup: DriveSetup) -> ExploreDrive:
-    """Make the drive."""
+    """Create the drive."""
     return ExploreDrive(setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise)
 
 
@@ -43,7 +43,7 @@ class ExploreDrive:
         self._time: int | None = None
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         self.note_visit(pose_filter)
         # After messages that others answered or that never came, and late answers, the filter knows best.
         unbroken = (
@@ -62,7 +62,7 @@ class ExploreDrive:
         return decision
 
     def note_visit(self, pose_filter: GridFilter) -> None:
-        """Take note of the cell that the robot is in, if that is known."""
+        """Count the cell that the robot is in, if that is known."""
         if self._visits is None:
             self._visits = np.zeros((pose_filter.lab.rows + 2, pose_filter.lab.columns + 2))
         found = pose_filter.estimate()
@@ -86,7 +86,7 @@ class ExploreDrive:
         return float(_TURNS[best]), max(min(float(reachable[best]) - 0.1, LONGEST_LEG), 1.0)
 
     def _crowdedness(self, pose_filter: GridFilter, sample: PoseSample, distances: Floats) -> Floats:
-        """How often the robot has been where a leg would end; 0 while it is lost."""
+        """Return how often the robot has been where a leg would end; 0 while it is lost."""
         assert self._visits is not None
         if not pose_filter.estimate().certain:
             return np.zeros(len(_TURNS))

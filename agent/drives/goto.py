@@ -38,7 +38,7 @@ class GotoPhase(StrEnum):
 
 
 def make(setup: DriveSetup) -> GotoDrive:
-    """Make the drive."""
+    """Create the drive."""
     return GotoDrive(setup.argument, setup.angles, setup.parameters.obstacle_noise, cruise=setup.cruise)
 
 
@@ -74,7 +74,7 @@ class GotoDrive:
         self.phase = GotoPhase.LOCALIZING
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
         self._wheels = filter_wheels(self._last, self._wheels)
         if self.phase is GotoPhase.ARRIVED:
@@ -115,7 +115,7 @@ class GotoDrive:
         return Decision(command=(round(speed - rate / 2.0, 4), round(speed + rate / 2.0, 4)))
 
     def _carrot(self, lattice: Lattice, x: float, y: float) -> tuple[float, float]:
-        """Find the farthest place ahead on the way to which the robot can drive straight on."""
+        """Find the farthest place ahead on the path to which the robot can drive straight on."""
         assert self._costs is not None
         square = _nearest(lattice, x, y)
         reached = (x, y)
@@ -147,7 +147,7 @@ def _nearest(lattice: Lattice, x: float, y: float) -> int:
 
 
 def costs_to(lattice: Lattice, x: float, y: float) -> Floats:
-    """Length of the shortest way from every square to a place; ways close to walls count as longer.
+    """Compute the length of the shortest path from every square to a place; near walls lengths count more.
 
     Parameters
     ----------

@@ -14,15 +14,15 @@ from ciberrato.protocol.messages import Measures
 
 
 class OwnDrive:
-    """Makes a drive and asks it; what it raises or returns wrongly is told in a line.
+    """Makes a drive and asks it; what it raises or returns wrongly is reported in one line.
 
     Parameters
     ----------
     label : str
         For messages.
     make : callable
-        Of a `DriveSetup`; returns an object with ``decide(measures, pose_filter)``, which returns a
-        `Decision`, or a pair: left and right motor command in units a cycle.
+        Function of a `DriveSetup`; returns an object with ``decide(measures, pose_filter)``, which returns a
+        `Decision`, or a pair: left and right motor command in units per cycle.
     setup : DriveSetup
     """
 
@@ -39,7 +39,7 @@ class OwnDrive:
             raise UsageError(f"{label}: what it makes is {shown}, which has no method decide")
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         try:
             decision = self._drive.decide(measures, pose_filter)
         except CiberratoError:

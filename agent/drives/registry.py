@@ -150,7 +150,7 @@ def make_drive(
     cruise: float = 0.1,
     stop_when_localized: bool = True,
 ) -> Drive:
-    """Make a drive by name.
+    """Create a drive by name.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def make_drive(
     goal : object, optional
         The drive's argument: where ``goto`` goes, (x, y) in units.
     cruise : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     stop_when_localized : bool
         Whether ``active`` stands still once the pose is known; otherwise it goes on as ``explore``.
 
@@ -206,7 +206,7 @@ def load_drive(name: str) -> Any:
 
 
 def drive_kind(name: str) -> DriveKind:
-    """Return what is known of a drive: one of `DRIVES`, or one that others wrote.
+    """Return the description of a drive: one of `DRIVES`, or a user's own.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ _MOST_RISK = 0.04
 _STRAIGHT = math.radians(3.0)
 _BEND = math.radians(25.0)
 """Turns so small are made while driving, if nothing is near."""
-_MOST_BEND = 0.08  # radians a cycle
+_MOST_BEND = 0.08  # radians per cycle
 _BACK_OFF = 3  # cycles after a collision
 _BACKWARDS: Command = (-0.1, -0.1)
 _PROGRESS = 0.15
@@ -67,21 +67,21 @@ class Barred:
         self._turned = 0.0
 
     def turn(self, angle: float) -> None:
-        """Take note of a turn of the robot, in radians."""
+        """Update with a turn of the robot, in radians."""
         self._turned += angle
 
     def add(self) -> None:
-        """Bar the direction that the robot faces; if none is left open by that, only this one."""
+        """Block the heading of the robot; if no heading is left open by that, only this one."""
         self._headings.append(self._turned)
         if all(self._bars(turn) for turn in _ALL_ROUND.tolist()):
             self._headings = deque([self._turned], maxlen=_MOST_FAILURES)
 
     def clear(self) -> None:
-        """Forget everything: the robot is elsewhere."""
+        """Clear everything: the robot is elsewhere."""
         self._headings.clear()
 
     def closed(self, turns: Floats, bumper: Bumper) -> NDArray[np.bool_]:
-        """Return after which turns there is no way to go on.
+        """Return the turns after which no path is open.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class Roamer:
         return self._bumper
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
-        """See `agent.drives.base.Drive`."""
+        """Decide on a command, see `agent.drives.base.Drive`."""
         self._bumper.observe(measures.infrared)
         self._dead_reckon(measures, pose_filter)
         command = self._next(measures, pose_filter)
@@ -152,7 +152,7 @@ class Roamer:
         return Decision(command=self._last)
 
     def follow(self, measures: Measures, pose_filter: GridFilter, command: Command) -> None:
-        """Take in a message to which another has answered, and the answer.
+        """Process a message that another drive has answered, and the answer.
 
         Parameters
         ----------
@@ -167,17 +167,17 @@ class Roamer:
         self._last = command
 
     def reconsider(self) -> None:
-        """End the leg that the robot is on; the next may well go on straight ahead."""
+        """End the leg that the robot is on; the next may go on straight ahead."""
         if self.phase is LegPhase.DRIVING and self._driven > _PROGRESS:
             self.phase = LegPhase.CHOOSING
 
     def stand(self) -> None:
-        """Take note that the robot stands, whatever leg it was on."""
+        """Reset the leg: the robot stands."""
         self._last = (0.0, 0.0)
         self.phase = LegPhase.CHOOSING
 
     def _dead_reckon(self, measures: Measures, pose_filter: GridFilter) -> None:
-        """Take in what the wheels did since the last message: by what was in effect, not by the answer."""
+        """Update the pose by the motion since the last message: by the command in effect, not the answer."""
         cycles = 1 if self._time is None else measures.time - self._time
         self._time = measures.time
         acted = pose_filter.command_before(measures.time)
@@ -237,14 +237,14 @@ class Roamer:
         self.phase = LegPhase.TURNING
 
     def _turn(self) -> Command:
-        """Turn in place; what the wheels run on by is part of the angle to come."""
+        """Turn in place; the motion after the command is part of the remaining angle."""
         coming = self._to_turn - (self._wheels[1] - self._wheels[0])
         rate = min(max(coming, -2.0 * _TURN_POWER), 2.0 * _TURN_POWER)
         # Noisy motors move a robot that turns: off what it all but touches.
         return self._bumper.retreat - rate / 2.0, self._bumper.retreat + rate / 2.0
 
     def _drive(self, pose_filter: GridFilter) -> Command | None:
-        """Go on along the clearest arc; None when the leg is over."""
+        """Continue along the clearest arc; return None when the leg is over."""
         speed = self._bumper.speed
         if self._to_drive <= 0.05 or speed <= 0.0:
             return None

@@ -46,7 +46,7 @@ class Bumper:
         """Return whether the last leg ended in a collision."""
 
     def observe(self, infrared: Sequence[float | None]) -> None:
-        """Take in the readings of a message; sensors that were not sent keep their last."""
+        """Store the readings of a message; sensors that were not sent keep their last."""
         if self._smooth is None:
             self._smooth = [reading or 0.0 for reading in infrared]
             self._beside = self.left, self.right
@@ -81,7 +81,7 @@ class Bumper:
 
     @property
     def closed(self) -> float:
-        """Radians to both sides of straight ahead in which there is no way to go on."""
+        """Radians to both sides of straight ahead in which no path is open."""
         if self.bumped:
             return math.radians(80.0)
         return math.radians(40.0) if self.ahead > _IN_THE_WAY else 0.0
@@ -95,7 +95,7 @@ class Bumper:
     @property
     def _beside_speed(self) -> float:
         sides = max(self.left, self.right)
-        # A wall that the robot touches with its side is no reason to stay there for ever.
+        # A wall that the robot touches with its side is no reason to stay there forever.
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
         return min(beside, _SLOWEST) if self._closing > _CLOSING else beside
 
@@ -110,14 +110,14 @@ class Bumper:
         Returns
         -------
         float
-            Units a cycle, not below 0.
+            Units per cycle, not below 0.
         """
         free = 1.0 / max(self.ahead, 1e-3) - STOP_SHORT
         return min(max(free - moved, 0.0), self._beside_speed * MAX_POWER)
 
     @property
     def open(self) -> bool:
-        """Return whether the sensors see nothing near, neither ahead nor beside."""
+        """Whether the sensors see nothing near, ahead or beside."""
         return self.ahead < _SLOW and max(self.left, self.right) < _SIDE_NEAR and self._closing < _CLOSING
 
     @property
@@ -130,6 +130,6 @@ class Bumper:
 
     @property
     def steer(self) -> float:
-        """Turn away from a wall beside, in radians a cycle (positive to the left)."""
+        """Turn away from a wall beside, in radians per cycle (positive to the left)."""
         push = max(self.right - _SIDE_NEAR, 0.0) - max(self.left - _SIDE_NEAR, 0.0)
         return min(max(0.02 * push, -_MOST_STEER), _MOST_STEER)

@@ -1,4 +1,4 @@
-"""How fast a robot may be told to move when its answers are late.
+"""The speed of a robot with late answers.
 
 A drive decides as if each command acted for the one cycle that follows. If answers are late, or messages are
 overtaken by newer ones before they are answered, a command acts for several cycles, and on a robot that has
@@ -30,7 +30,7 @@ class Throttle:
         ----------
         decision : Decision
         time : int
-            Of the message that it answers, in simulated cycles.
+            Time of the message that it answers, in simulated cycles.
         under_way : int
             Earlier answers that had not left when the message arrived.
 

@@ -43,7 +43,7 @@ def read_recorded(
     ----------
     path : Path
     angles : tuple of four float
-        Of the IR sensors in degrees, for a simulator's log, which does not tell.
+        Angles of the IR sensors in degrees, for a simulator's log, which does not hold them.
     robot : int or None
         Which one of a simulator's log; None = the first.
     salvage : callable, optional

@@ -46,7 +46,7 @@ def doubts_of(run: RecordedRun) -> list[Doubt]:
 
 
 def missing_in(run: RecordedRun) -> str | None:
-    """Say how many cycles a log lacks; None if it lacks none.
+    """Return how many cycles a log lacks; None if it lacks none.
 
     Parameters
     ----------

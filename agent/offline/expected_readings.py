@@ -55,7 +55,7 @@ class ExpectedReadings:
 
 
 def pose_error(parameters: Parameters) -> tuple[float, float, float]:
-    """How far off the cell's centre our pilot takes the reading of a step.
+    """Return how far from the cell's centre our pilot takes the reading of a step.
 
     Power laws through what 100 simulated drives of 13 cells each gave at cruise 0.1, for motor noises of
     0.5 to 5 %, compass noises of 0.5 to 8 degrees and IR noises of 0.1 to 0.4: within 6 % along, 35 % for
@@ -86,7 +86,7 @@ def pose_error(parameters: Parameters) -> tuple[float, float, float]:
 def pose_error_nodes(
     deviations: tuple[float, float, float], order: int = 3
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss-Hermite nodes of independent normal errors.
+    """Return Gauss-Hermite nodes of independent normal errors.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def pose_error_nodes(
 def compute_expected_readings(
     lab: Lab, angles: SensorAngles, parameters: Parameters | None = None, *, model: DistanceModel = "sensor"
 ) -> ExpectedReadings:
-    """Work out the tables at once, in the calling thread.
+    """Compute the tables at once, in the calling thread.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ class ExpectedReadingsWorker:
         self._thread.start()
 
     def announce(self, parameters: Parameters) -> None:
-        """Say what noise the simulator announced; the thread goes on from there.
+        """Set the noise that the simulator announced; the thread continues with it.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class ExpectedReadingsWorker:
         return self._tables
 
     def abandon(self) -> None:
-        """Make the thread end as soon as it can, and wait for that: what it works out is not wanted."""
+        """Stop the thread as soon as possible, and wait for its end: its results are not needed."""
         self._abandoned = True
         self._announced.set()
         if self._thread.is_alive():

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def expected_readings_of(header: RunHeader, lab: Lab) -> ExpectedReadings:
-    """Work out the tables that the filter needs for a run.
+    """Compute the tables that the filter needs for a run.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def write_localization(
 
 
 def fit_of(run: RecordedRun, expected: ExpectedReadings) -> Fit:
-    """Hold the recorded readings against the lab, whatever the preset.
+    """Compute how well the recorded readings fit the lab, whatever the preset.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def fit_of(run: RecordedRun, expected: ExpectedReadings) -> Fit:
     Fit
     """
     steps = zip(run.steps, doubts_of(run), strict=True)
-    # From the first gap on it is not sure that a reading is that of the cell it is taken for.
+    # From the first gap on it is not sure that a reading is that of its assumed cell.
     sure = itertools.takewhile(lambda one: one[1] == NO_DOUBT, steps)
     readings = [step.readings for step, _ in sure]
     return map_fit(readings, expected, run.header.parameters.obstacle_noise)

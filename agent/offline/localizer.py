@@ -45,7 +45,7 @@ class Doubt(NamedTuple):
     step : float
         Probability that no cell was entered.
     reading : float
-        Probability that the reading was taken elsewhere than at a cell's centre, and tells nothing.
+        Probability that the reading was taken elsewhere than at a cell's centre, and is not informative.
     """
 
     step: float = 0.0
@@ -103,7 +103,7 @@ def localize(
     obstacle_noise : float
         Standard deviation that the simulator announced, in 1/units; `calibrated` uses it.
     doubts : sequence of Doubt, optional
-        Of each step; default: none.
+        Doubts of each step; default: none.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def localize(
         prior = free / free.sum()
         motion = BlockedShift(openings=Openings(east=expected.east, north=expected.north), blocked="lose")
     else:
-        raise ValueError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+        raise ValueError(f"unknown preset {preset!r}; choose one of {', '.join(PRESETS)}")
     beliefs = [prior]
     log_evidence = np.empty(len(observed))
     recoveries = []

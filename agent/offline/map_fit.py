@@ -38,7 +38,7 @@ _LEAST_VARIANCE = 0.25  # of the surprise of a reading
 _LASTING = 0.9
 """Share of a pose error that is the same at the next crossing."""
 _STEP = 0.1  # of the readings
-_FINE = 0.01  # expected readings are told apart to this
+_FINE = 0.01  # expected readings are distinguished to this
 _BLOCKED = 0.01
 """Share of the belief that must have had its way open for the motion to be no surprise."""
 _MOST = 9.0
@@ -66,7 +66,7 @@ class Fit(NamedTuple):
 def map_fit(
     readings: Sequence[Sequence[float | None]], expected: ExpectedReadings, obstacle_noise: float = 0.1
 ) -> Fit:
-    """Hold the recorded steps against the lab.
+    """Compute how well the recorded steps fit the lab.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ class _Prediction:
 
 
 def wrong_map(lab: str) -> str:
-    """Return what the user is told of readings that do not fit.
+    """Return the message about readings that do not fit.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 The log of the real simulator (and of ours, ``--log``) holds every robot's Measures and motor commands. The
 tracker finds the crossings in them, as it does on the wire. The log does not say how the robot's sensors
-were mounted: that must be told.
+were mounted: that must be given.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class LogReplay:
         self._name = ""
 
     def add(self, record: LogRecord) -> None:
-        """Take the next record; one without the robot is passed over."""
+        """Add the next record; one without the robot is skipped."""
         logged = record.robot(self._robot)
         if logged is None:
             return

@@ -1,4 +1,4 @@
-"""Where the robot was over a run, in the lab's frame, as far as the log and the beliefs tell."""
+"""Where the robot was over a run, in the lab's frame, as far as the log and the beliefs show."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ciberrato.world.lab import CELL_SIZE
 
 
 def estimated_track(run: RecordedRun, beliefs: Floats) -> Floats | None:
-    """Put the way that was driven where the last belief says that it ended.
+    """Place the path that was driven so that it ends where the last belief is.
 
-    The log tells the way relative to the start cell; the most likely cell of the last step, so many cells to
+    The log holds the path relative to the start cell; the most likely cell of the last step, so many cells to
     the right of the start, tells where that is.
 
     Parameters

@@ -34,7 +34,7 @@ class DriveController:
     angles : tuple of float
         Mounting angles of the IR sensors in degrees.
     cruise : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     exit_when_finished : bool
         Whether the run is over when the drive has nothing more to do.
     """
@@ -65,7 +65,7 @@ class DriveController:
     def observe(
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
     ) -> tuple[Cycle, Actions | None]:
-        """Take in one message and decide on the answer.
+        """Process one message and decide on the answer.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class DriveController:
         return self._record(measures, self.exchange.command, answered), actions
 
     def sent(self, time: float) -> None:
-        """Note when the last answer left; see `Exchange.sent`."""
+        """Record when the last answer was sent; see `Exchange.sent`."""
         self.exchange.sent(time)
 
     def _answer(self, measures: Measures, under_way: int) -> Actions:

@@ -28,7 +28,7 @@ class BeliefLog:
     ----------
     live : LiveFilter
     rows, columns : int
-        Of the lab's cells.
+        Rows and columns of the lab's cells.
     """
 
     def __init__(self, live: LiveFilter, rows: int, columns: int) -> None:
@@ -37,7 +37,7 @@ class BeliefLog:
         self._logged: NDArray[np.float64] = np.zeros(rows * columns)
 
     def entries(self, time: int) -> tuple[Cells | None, Modes | None]:
-        """Return what is to be logged in a cycle.
+        """Return the log's entries for a cycle.
 
         Parameters
         ----------

@@ -74,7 +74,7 @@ class LiveController:
 
     @property
     def ended(self) -> str | None:
-        """Why the run is over, as soon as it is."""
+        """Reason why the run is over, as soon as it is."""
         return self.controller.ended
 
     @property
@@ -85,7 +85,7 @@ class LiveController:
     def observe(
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
     ) -> tuple[Cycle, Actions | None]:
-        """See `Controller.observe`."""
+        """Process one message, see `Controller.observe`."""
         self._arrived = arrived if newest else None
         if self._lockstep:
             arrived = None
@@ -95,7 +95,7 @@ class LiveController:
         return self._add_pose(cycle, measures), actions
 
     def sent(self, time: float) -> None:
-        """See `Controller.sent`."""
+        """Record the answer, see `Controller.sent`."""
         self.controller.sent(time)
         if self._arrived is not None:
             self.localizer.live.statistics.answers.append(1000.0 * (time - self._arrived))

@@ -40,7 +40,7 @@ class LiveSettings:
     goal : (float, float) or None
         Where ``goto`` goes, in units.
     start : str
-        What is possible at the start, see `ciberrato.localization.evidence.start_prior.parse_start`.
+        Prior of the start, see `ciberrato.localization.evidence.start_prior.parse_start`.
     smooth : bool
         Whether the belief file is computed afterwards, from the whole run.
     exit_when_finished : bool
@@ -123,18 +123,18 @@ class LiveMethod:
         return not self._live.lockstep or self._tables_are_there()
 
     def begin(self) -> None:
-        """See `Method.begin`."""
+        """Begin the run, see `Method.begin`."""
         self._published.begin()
 
     def announce(self, header: RunHeader) -> None:
-        """See `Method.announce`."""
+        """Announce the run, see `Method.announce`."""
         self._header = header
         self._published.announce(header)
 
     def _tables_are_there(self) -> bool:
         """Wait for everything that would come later in another cycle next time; say whether to go on."""
         assert self._tables is not None
-        self._reporter.say("in lockstep: registering when the tables are there")
+        self._reporter.say("in lockstep: registering when the tables are ready")
         for wait in (self._tables.wait, self._tables.wait_for_loops):
             while not wait(_POLL):
                 if self._interrupts.received:
@@ -145,14 +145,14 @@ class LiveMethod:
         return True
 
     def controller(self, header: RunHeader) -> LiveController:
-        """See `Method.controller`."""
+        """Return the controller, see `Method.controller`."""
         from agent.run.live_controller import LiveController
         from ciberrato.localization.evidence.other_sensors import sensors_used
         from ciberrato.localization.pose_filter import PoseFilter
 
         settings, live = self._settings, self._live
         sensors = ", ".join(sensors_used(settings.lab, header.parameters))
-        self._reporter.say(f"the pose is told by {sensors}; start: {live.start}")
+        self._reporter.say(f"the pose is estimated from {sensors}; start: {live.start}")
         self._localizer = PoseFilter(
             settings.lab,
             header.parameters,
@@ -188,7 +188,7 @@ class LiveMethod:
 
     @property
     def log_is_whole(self) -> bool:
-        """See `Method.log_is_whole`."""
+        """Whether the log is whole, see `Method.log_is_whole`."""
         return self._published.log_is_whole
 
     @log_is_whole.setter
@@ -197,11 +197,11 @@ class LiveMethod:
 
     @property
     def failure(self) -> str | None:
-        """See `Method.failure`."""
+        """Failure of the run, see `Method.failure`."""
         return self._published.failure
 
     def report(self, cycle: Cycle) -> None:
-        """See `Method.report`."""
+        """Report on the run, see `Method.report`."""
         assert self._localizer is not None
         live = self._localizer.live
         if live.doubtful_since is not None and not self._doubted:
@@ -210,7 +210,7 @@ class LiveMethod:
         if cycle.start and not live.is_ready and not self._without_tables:
             self._without_tables = True
             how = "waiting for them" if self._live.drive == "right" else "driving by the IR sensors alone"
-            self._reporter.say(f"time {cycle.time}: the lab's tables are not there yet, {how}; no belief yet")
+            self._reporter.say(f"time {cycle.time}: the lab's tables are not ready yet, {how}; no belief yet")
         if cycle.estimate is None or not self._live.show:
             return
         from agent.offline.summary import cell_name
@@ -266,14 +266,14 @@ class LiveMethod:
         return f"; {len(others)} places fit: {listed}"
 
     def finish(self, run: RecordedRun | None, reason: str, stop: Callable[[], None]) -> int:
-        """See `Method.finish`."""
+        """Finish the run, see `Method.finish`."""
         if self._localizer is None or not self._localizer.live.history:
             return self._published.finish(run, reason, stop)
         live = self._localizer.live
         stop()
         begin = time.monotonic()
         if live.filter is None:
-            self._reporter.say("the lab's tables are not there yet; waiting for them to weigh the run")
+            self._reporter.say("the lab's tables are not ready yet; waiting for them to process the run")
         live.finish()
         assert self._tables is not None
         self._tables.stop()
@@ -321,7 +321,7 @@ class LiveMethod:
         )
 
     def close(self) -> None:
-        """See `Method.close`."""
+        """Close the method, see `Method.close`."""
         if self._tables is not None:
             self._tables.stop()
         self._published.close()

@@ -41,11 +41,11 @@ class PublishedMethod:
         self._worker: ExpectedReadingsWorker | None = None
 
     def prepare(self) -> bool:
-        """See `Method.prepare`."""
+        """Prepare the run, see `Method.prepare`."""
         return True
 
     def begin(self) -> None:
-        """See `Method.begin`."""
+        """Begin the run, see `Method.begin`."""
         from agent.offline.expected_readings import ExpectedReadingsWorker
 
         settings = self._settings
@@ -54,27 +54,27 @@ class PublishedMethod:
             self._worker.start()
 
     def announce(self, header: RunHeader) -> None:
-        """Pass on to the worker with which noise the expected readings are to be worked out."""
+        """Send to the worker the noise for which the expected readings are to be computed."""
         assert self._worker is not None
         self._worker.announce(header.parameters)
 
     def controller(self, header: RunHeader) -> Controller:
-        """See `Method.controller`."""
+        """Return the controller, see `Method.controller`."""
         from agent.drives.right.controller import Controller
 
         return Controller(header, exit_at_wall=self._settings.exit_at_wall)
 
     @property
     def failure(self) -> str | None:
-        """See `Method.failure`."""
+        """Failure of the run, see `Method.failure`."""
         failed = self._worker is not None and self._worker.error is not None
         return "the ground truth failed" if failed else None
 
     def report(self, cycle: Cycle) -> None:
-        """See `Method.report`."""
+        """Report on the run, see `Method.report`."""
 
     def finish(self, run: RecordedRun | None, reason: str, stop: Callable[[], None]) -> int:
-        """See `Method.finish`."""
+        """Finish the run, see `Method.finish`."""
         interrupts, settings = self._interrupts, self._settings
         if self._late and self._worker is not None:
             self._worker.start()
@@ -112,6 +112,6 @@ class PublishedMethod:
         return 0
 
     def close(self) -> None:
-        """See `Method.close`."""
+        """Close the method, see `Method.close`."""
         if self._worker is not None:
             self._worker.abandon()

@@ -1,4 +1,4 @@
-"""What the agent tells its user while it runs: lines on standard error, whatever becomes of the terminal."""
+"""Reports of the agent to its user while it runs: lines on standard error, also without a terminal."""
 
 from __future__ import annotations
 

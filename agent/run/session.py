@@ -40,7 +40,7 @@ class Settings:
     port : int
     transport : {"udp", "tcp"}
     position : int
-        In the start grid; 0 = any free one.
+        Position in the start grid; 0 = any free one.
     name : str
         The robot's.
     lab : Lab
@@ -50,7 +50,7 @@ class Settings:
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees.
     cruise : float
-        Units a cycle.
+        Units per cycle.
     exit_at_wall : bool
     preset : {"seed", "calibrated"}
     distance_model : {"sensor", "cone"}
@@ -105,30 +105,30 @@ class Responder(Protocol):
 
     @property
     def ended(self) -> str | None:
-        """Why the run is over, as soon as it is."""
+        """Reason why the run is over, as soon as it is."""
 
     def observe(
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
     ) -> tuple[Cycle, Actions | None]:
-        """Take in one message and decide on the answer."""
+        """Process one message and decide on the answer."""
         ...
 
     def sent(self, time: float) -> None:
-        """Note when the last answer left."""
+        """Record when the last answer was sent."""
 
 
 class Method(Protocol):
     """How the agent finds out where its robot is; a session calls this, from top to bottom."""
 
     def prepare(self) -> bool:
-        """Do what comes before the registration; return whether to go on."""
+        """Prepare the registration; return whether to go on."""
         ...
 
     def begin(self) -> None:
-        """Start what may take long. The registration is on its way."""
+        """Start what may take long. The registration is already sent."""
 
     def announce(self, header: RunHeader) -> None:
-        """Take in what is known of the run, now that the simulator has answered."""
+        """Process what is known of the run, now that the simulator has answered."""
 
     def controller(self, header: RunHeader) -> Responder:
         """Return what answers the messages."""
@@ -139,7 +139,7 @@ class Method(Protocol):
 
     @property
     def failure(self) -> str | None:
-        """Why the run cannot go on, if that is so."""
+        """Reason why the run cannot go on; None if it can."""
 
     def report(self, cycle: Cycle) -> None:
         """Report to the user what is new after a cycle."""
@@ -159,7 +159,7 @@ class Method(Protocol):
         ...
 
     def close(self) -> None:
-        """End what was started."""
+        """Stop what was started."""
 
 
 class Session:
@@ -360,7 +360,7 @@ class Session:
         self._method.report(cycle)
 
     def _tell_of_log(self, writer: RunWriter) -> None:
-        """Say what the log lacks, if it does."""
+        """Report what the log lacks, if anything."""
         self._method.log_is_whole = writer.missing == 0
         if writer.missing:
             self._reporter.warn(
@@ -371,13 +371,13 @@ class Session:
             self._reporter.warn(f"{self._settings.log}: nothing is missing, there was room again")
 
     def _tell_of_start(self, cycle: Cycle) -> None:
-        """Say once that Start is not on yet; the very first messages of a run always say so."""
+        """Report once that Start is not on yet; the first messages of a run always say so."""
         stopped = len(self._cycles) == _STOPPED_CYCLES and not any(c.start for c in self._cycles)
         if stopped:
             self._reporter.say(f"time {cycle.time}: waiting for Start (Ctrl-C ends this)")
 
     def _finish(self, link: Link, reason: str) -> int:
-        """Let the method run its filter and write the file."""
+        """Finish the run: the method runs its filter and writes the file."""
         from ciberrato.files.run_records import RecordedRun
 
         run = None if self._header is None else RecordedRun(self._header, tuple(self._cycles))

@@ -37,7 +37,7 @@ class Interrupts:
         self._ends: tuple[socket.socket, socket.socket] | None = None
 
     def install(self) -> None:
-        """Take the signals from now on."""
+        """Install the signal handlers."""
         try:
             for number in ENDING:
                 self._take(number)
@@ -48,7 +48,7 @@ class Interrupts:
             self._take(HANGUP)
 
     def arm(self) -> None:
-        """Only note signals from now on: there may be something to save."""
+        """Defer signals from now on: there may be something to save."""
         import socket
 
         self._ends = socket.socketpair()  # not a pipe, for which Windows cannot wait
@@ -64,7 +64,7 @@ class Interrupts:
         Parameters
         ----------
         descriptor : int or None
-            Of the socket to watch, if there is one.
+            Descriptor of the socket to watch, if there is one.
         timeout : float
             Seconds.
         """

@@ -24,7 +24,7 @@ def inspect(
     width: int = 80,
     colour: bool = False,
 ) -> tuple[BeliefRun, ...]:
-    """Print what a belief file says, and draw it if asked.
+    """Print the contents of a belief file, and draw it on request.
 
     Parameters
     ----------

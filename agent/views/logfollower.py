@@ -38,7 +38,7 @@ class LogFollower:
 
     @property
     def run(self) -> RecordedRun | None:
-        """What is there so far; None before the first line is complete."""
+        """Run read so far; None before the first line is complete."""
         return None if self.header is None else RecordedRun(self.header, tuple(self.cycles))
 
     def poll(self) -> bool:
@@ -107,7 +107,7 @@ class SimulatorLogFollower:
     ----------
     path : Path
     angles : tuple of four float
-        Of the robot's IR sensors in degrees.
+        Angles of the robot's IR sensors in degrees.
     robot : int or None
         Its position number; None = the first in the log.
 
@@ -137,7 +137,7 @@ class SimulatorLogFollower:
 
     @property
     def header(self) -> RunHeader:
-        """That of the run."""
+        """Header of the run."""
         return self.run.header
 
     def poll(self) -> bool:

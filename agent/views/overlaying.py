@@ -44,7 +44,7 @@ def show_overlays(
     path : Path or LogFollower
         The agent's log; it need not exist yet.
     lab : Lab
-        Of the run.
+        Lab of the run.
     client : OverlayClient
     ended : callable
         Tells whether to return; what is new by then is still shown.
@@ -101,7 +101,7 @@ def belief_overlay(run: RecordedRun, beliefs: Floats) -> OverlayMessage:
 
 
 def live_belief_overlay(run: RecordedRun, cycle: Cycle, lab: Lab) -> OverlayMessage:
-    """Return which cells the live pose filter took for possible in a cycle.
+    """Return which cells were possible for the live pose filter in a cycle.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def watch(
     path : Path, LogFollower or SimulatorLogFollower
         The agent's log, which need not exist yet; or a simulator's.
     lab : Lab
-        Of the run.
+        Lab of the run.
     out : text stream
         Standard output if None.
     once : bool
@@ -107,7 +107,7 @@ def screen(
     colour: bool = False,
     true_pose: PoseInDegrees | None = None,
 ) -> str:
-    """Say on one screen what the agent is doing and where it believes to be.
+    """Return a screen that shows the agent's state and where it believes to be.
 
     Parameters
     ----------
@@ -115,10 +115,10 @@ def screen(
         So far.
     expected : ExpectedReadings or None
     width, height : int
-        Of the terminal.
+        Width and height of the terminal.
     colour : bool
     true_pose : (x, y, heading) or None
-        Where the robot really is, units and degrees, if the log tells.
+        Where the robot really is, units and degrees, if the log holds it.
 
     Returns
     -------

@@ -37,7 +37,7 @@ NOT_UTF8 = "the name or text goes out as Latin-1 bytes; we read them, and send U
 NOT_ESCAPED = "the name or text goes out unescaped, so it is no XML; we refuse it, and escape what we send"
 
 DELIBERATE = {
-    "is not a motor command": "NaN motors, which ruin the robot's pose for ever, are refused",
+    "is not a motor command": "NaN motors, which make the robot's pose invalid for good, are refused",
     "is not a finite number": "angles and heights that are not finite are refused",
     "duplicate attribute": "an attribute that comes twice is no XML (the real parser takes the first)",
     "DOCTYPE": "document types are refused, for the entities they may define",

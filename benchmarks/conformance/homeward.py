@@ -35,7 +35,7 @@ def rows(golden: Path, labs: Path | None) -> Iterator[Finding]:
 
 
 def replay(recorded: dict[str, Any], name: str) -> list[list[Any]]:
-    """Send the recorded messages, one step a cycle, and say what a view sees.
+    """Send the recorded messages, one step per cycle, and return what a view sees.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class _Client(Peer):
         super().__init__("recorded client")
 
     def send(self, data: bytes) -> None:
-        """Take nothing: what is compared comes from the simulation."""
+        """Send nothing: what is compared comes from the simulation."""
 
     def close(self) -> None:
         self.closed = True

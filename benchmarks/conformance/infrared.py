@@ -102,7 +102,7 @@ def _distances(file: str, path: Path, labs: Path | None) -> Iterator[Finding]:
 
 
 def worst(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> float:
-    """Greatest difference; infinite if one is not a number and the other is."""
+    """Return the greatest difference; infinite if one is not a number and the other is."""
     same = ours == theirs
     difference = np.where(same, 0.0, np.abs(ours - np.where(same, 0.0, theirs)))
     return float(np.where(np.isnan(difference), np.inf, difference).max(initial=0.0))

@@ -63,8 +63,7 @@ def _labs(folder: Path, labs: Path | None) -> Finding:
 
 
 def lab_difference(lab: Lab, record: dict[str, Any]) -> float:
-    """Greatest difference between a lab and the record of what the real parser made of it; infinite if
-    unlike.
+    """Return the greatest difference of a lab from the record of the real parser; infinite if unlike.
 
     Parameters
     ----------
@@ -101,8 +100,7 @@ def lab_difference(lab: Lab, record: dict[str, Any]) -> float:
 
 
 def _unlisted(folder: Path, labs: Path | None) -> Finding:
-    """Labs in the folder that the recordings do not mention: they must at least be read or refused
-    properly."""
+    """Return labs that the recordings do not mention: they must at least be read or refused properly."""
     check = "labs: not recorded"
     if labs is None:
         return Finding(check, 0, None, True, "no folder of labs")
@@ -169,8 +167,7 @@ def _grids(path: Path, labs: Path | None) -> Finding:
 
 
 def grid_difference(grid: StartGrid, record: dict[str, Any]) -> float:
-    """Greatest difference between a grid and the record of what the real parser made of it; infinite if
-    unlike.
+    """Return the greatest difference of a grid from the record of the real parser; infinite if unlike.
 
     Parameters
     ----------

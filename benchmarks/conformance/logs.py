@@ -102,6 +102,6 @@ def replayed(recorded: SimulatorLog, folder: Path, parameters: Parameters) -> st
 
 
 def _actions(robot: LoggedRobot) -> Actions:
-    """Take the actions from the record; a lone VisitingLed shows in the LEDs only."""
+    """Return the actions of the record; a lone VisitingLed shows in the LEDs only."""
     actions = robot.actions or Actions()
     return replace(actions, visiting_led=robot.measures.visiting_led) if not robot.actions else actions

@@ -75,7 +75,7 @@ class Drive:
         self.wall, self.robot, self.collisions = [False] * count, [False] * count, [0] * count
 
     def step(self, commands: Sequence[tuple[float, float] | None]) -> None:
-        """Go on by one cycle.
+        """Advance by one cycle.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class Drive:
             self.collisions[number] += collides and not began
 
     def ideal_readings(self, number: int) -> list[float]:
-        """IR readings of a robot before noise and rounding."""
+        """Compute the IR readings of a robot before noise and rounding."""
         x, y, heading = self.poses[number]
         directions = [heading + axis for axis in _AXES]
         distances = distances_at(self.walls, x, y, directions)
@@ -234,7 +234,7 @@ def _follow(
 
 
 def _noisy_motors(path: Path) -> Iterator[Finding]:
-    """The pose must follow from the noisy powers as recorded; what the noise was does not matter."""
+    """Check that the pose follows from the noisy powers as recorded; the noise itself does not matter."""
     check = "motion: noisy motors"
     if not path.is_file():
         yield Finding(check, 0, None, True, "not recorded here")

@@ -94,7 +94,7 @@ def _reading(measures: Measures) -> tuple[Any, ...]:
 
 
 def _split(readings: list[tuple[Any, ...]]) -> Series:
-    """Put readings into one series a sensor."""
+    """Return readings as one series per sensor."""
     series: Series = {}
     infrared, compass, gps, line, beacons = zip(*readings, strict=True)
     for sensor in range(4):
@@ -131,7 +131,7 @@ def _compare(check: str, theirs: list[Any], ours: list[Any]) -> Finding:
 
 
 def _mean(values: Floats) -> float:
-    """Mean, of angles as well as of lengths: angles near 180 degrees are unwrapped."""
+    """Compute the mean, of angles as well as of lengths: angles near 180 degrees are unwrapped."""
     return float(np.mean(_unwrapped(values)))
 
 
@@ -192,7 +192,7 @@ def _merged(table: list[tuple[int, int]]) -> list[tuple[int, int]]:
 
 
 def _heading_row(name: str, folder: Path, meta: dict[str, Any], lab: Lab) -> Finding:
-    """Compare what each cycle adds to the turning, from the headings that views were told."""
+    """Compare what each cycle adds to the turning, from the headings that views received."""
     with gzip.open(folder / f"{name}.csv.gz", "rt", newline="") as file:
         recorded = [float(row["true_dir_deg"] or "nan") for row in csv.DictReader(file) if row["time"] != "0"]
     simulation = _simulation(meta, lab)
@@ -205,7 +205,7 @@ def _heading_row(name: str, folder: Path, meta: dict[str, Any], lab: Lab) -> Fin
 
 
 def _innovations(headings: Sequence[float]) -> Floats:
-    """Take out of the turns what the motor filter keeps of the turn before: the rest is independent."""
+    """Subtract from the turns what the motor filter keeps of the turn before: the rest is independent."""
     turns = np.diff(np.array(headings))
     turns = (turns + 180.0) % 360.0 - 180.0
     innovations = turns[1:] - turns[:-1] / 2.0

@@ -88,7 +88,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def replay(recording: Recording) -> list[Crossing]:
-    """Feed the tracker with what went over the wire."""
+    """Replay a transcript to the tracker."""
     tracker = CellTracker(recording.acceptance.parameters, recording.registration.angles)
     command: tuple[float, float] | None = None
     crossings = []

@@ -106,7 +106,7 @@ class Timeline:
 
 
 def read_timeline(path: Path, files: Path, moved: Collection[int] = ()) -> Timeline:
-    """Read a session and tell the cycle of everything that clients sent.
+    """Read a session and return the cycle of everything that clients sent.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class _Clock:
         self.readings[cycle] = min(seconds, self.readings.get(cycle, seconds))
 
     def bound(self, cycle: int) -> float:
-        """When a cycle took place at the latest, as far as later ones tell: the real timer is never early."""
+        """Return the latest time of a cycle that later ones allow: the real timer is never early."""
         known = sorted(self.readings)
         low = bisect_left(known, cycle)
         later = known[low : bisect_left(known, cycle + WINDOW + 1)]
@@ -184,7 +184,7 @@ class _Clock:
         return min(self.readings[other] + (cycle - other) * self.period for other in near)
 
     def time(self, cycle: int) -> float:
-        """When a cycle took place."""
+        """Return the time of a cycle."""
         bound = self.bound(cycle)
         own = self.readings.get(cycle, bound)
         return own if own - bound < PROMPT else bound
@@ -222,7 +222,7 @@ def _clock(timeline: Timeline, events: list[Event], period: float) -> _Clock:
 
 
 def _assign(timeline: Timeline, events: list[Event], clock: _Clock, moved: Collection[int]) -> None:
-    """Put what clients sent into cycles."""
+    """Assign what clients sent to cycles."""
     robots = {answer.simulator_port for answer in events if answer.kind == "Measures"}
     at_least = 0
     reply: Event | None = None

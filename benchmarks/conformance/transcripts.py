@@ -32,7 +32,7 @@ GPS_OFFSET = (840.1877167634666, 394.38292663544416)
 UNSENT_SLACK = 2
 """Cycles at the end of a recording whose answers the recorder may not have waited for."""
 
-NAN = "NaN motors, which ruin the robot's pose for ever, are refused"
+NAN = "NaN motors, which make the robot's pose invalid for good, are refused"
 NAMES = "names go out escaped and as UTF-8; what is left is equal"
 LONG_NAME = "a name of more than 600 characters, which kills the real simulator, is refused"
 FOREIGN = "taken from a socket that is not the robot's (our UDP transport drops these; the replay does not)"
@@ -150,7 +150,7 @@ def _contrast(theirs: bytes, ours: bytes) -> str:
 
 
 def _mask(parameters: Parameters) -> Callable[[bytes], bytes]:
-    """Make the function that blots out what noise decides."""
+    """Create the function that masks what noise decides."""
     p = parameters
     moves = p.motors_noise > 0.0  # then everything that depends on the pose is noisy
     blots = [
@@ -198,7 +198,7 @@ class _RecordingPeer(Peer):
         self._early: list[bytes] = []
 
     def wait_for_reply(self, data: bytes) -> None:
-        """Keep a command that is sent as soon as the Reply arrives."""
+        """Store a command that is sent as soon as the Reply arrives."""
         self._early.append(data)
 
     def send(self, data: bytes) -> None:
@@ -269,7 +269,7 @@ class _Replayer:
 
 
 def _session(timeline: Timeline, files: Path) -> Session:
-    """Make a session from the real simulator's command line."""
+    """Create a session from the real simulator's command line."""
     options = parse_arguments(timeline.arguments)
     names = {"lab_file": options.lab, "grid_file": options.grid}
     for what in ("lab", "grid", "param"):

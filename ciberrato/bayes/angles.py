@@ -14,7 +14,7 @@ TURN = 2.0 * math.pi
 
 
 def wrap(angle: ArrayLike) -> FloatArray:
-    """Bring angles to [-pi, pi]; either end may stand for half a turn."""
+    """Wrap angles to [-pi, pi]; half a turn may become either end."""
     angle = np.asarray(angle, dtype=float)
     return np.asarray(angle - TURN * np.rint(angle / TURN))
 

@@ -41,7 +41,7 @@ def belief_array(
     what : str
         Name for the message.
     shape : tuple of int, optional
-        That it must have.
+        Required shape.
     massless : bool
         Whether all entries may be zero, as after a prediction that lost everything.
 
@@ -112,9 +112,9 @@ def range_array(
     Parameters
     ----------
     reading : array_like
-        Of any shape if the number of beams is left out.
+        Reading, of any shape if the number of beams is left out.
     beams : int, optional
-        That there must be, in one dimension.
+        Required number of beams, in one dimension.
     signed : bool
         Whether readings below zero are readings, too: only -inf is refused then.
     what : str
@@ -244,9 +244,9 @@ def transition_array(matrix: Any, *, states: int | None = None, what: str = "tra
     Parameters
     ----------
     matrix : array_like or scipy sparse matrix
-        Rows are states before; entries 0 or more, row sums 1 at the most (what is missing is lost).
+        Rows are states before; entries 0 or more, row sums at most 1 (what is missing is lost).
     states : int, optional
-        That it must have.
+        Required number of states.
     what : str
         Name for the message.
 

@@ -55,7 +55,7 @@ class Kernel(NamedTuple):
 
 
 def gaussian_kernel(mean: float, variance: float, *, tail: float = 1e-9) -> Kernel:
-    """Make a kernel whose mean and variance are those of a Gaussian, so that repeated steps add up right.
+    """Create a kernel with the mean and variance of a Gaussian, so that repeated steps add up right.
 
     A variance of 1 or more is sampled at the cell centres: mean and variance are then right to 1e-7.
     Integrating the density over cells instead would add 1/12 to the variance at every step. Below 1 the
@@ -126,7 +126,7 @@ def _sigmas_for(tail: float) -> float:
 
 
 def whole_steps(displacement: float, carry: float) -> tuple[int, float]:
-    """Take the whole cells out of a displacement and carry the rest over to the next one.
+    """Split a displacement into whole cells and a rest, which is carried over to the next call.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def whole_steps(displacement: float, carry: float) -> tuple[int, float]:
 
 
 def fold(full: FloatArray, first: int, size: int, edge: Edge, axis: int) -> FloatArray:
-    """Bring an axis that reaches beyond the grid back to `size` cells.
+    """Fold an axis that reaches beyond the grid back to `size` cells.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def fold(full: FloatArray, first: int, size: int, edge: Edge, axis: int) -> Floa
         With `size` entries along `axis`; may share memory with `full`.
     """
     if edge not in EDGES:
-        raise ValueError(f"no edge {edge!r}; there are {', '.join(EDGES)}")
+        raise ValueError(f"unknown edge {edge!r}; choose one of {', '.join(EDGES)}")
     length = full.shape[axis]
     lead = (slice(None),) * axis
     if edge == "wrap":

@@ -56,7 +56,7 @@ class Update(_Pair):
 
     @classmethod
     def of(cls, posterior: FloatArray, log_evidence: float, lost: int) -> Update:
-        """Make an update that counts states lost."""
+        """Return an update that counts states lost."""
         result = cls(posterior, log_evidence)
         result.lost = lost
         return result
@@ -102,7 +102,7 @@ def update(
     log_likelihood = log_likelihood_array(log_likelihood, belief.shape)
     if on_impossible not in POLICIES:
         raise ValueError(
-            f"no policy {on_impossible!r} for impossible readings; there are {', '.join(POLICIES)}"
+            f"no policy {on_impossible!r} for impossible readings; choose one of {', '.join(POLICIES)}"
         )
     least, most = belief_bounds(belief, massless=True)
     lowest = float(np.minimum.reduce(log_likelihood, axis=None, initial=np.inf))

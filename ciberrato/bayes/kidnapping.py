@@ -68,7 +68,7 @@ class EvidenceMonitor:
             object.__setattr__(self, name, whole(getattr(self, name), what=name, least=0))
 
     def seen(self, log_evidence: float) -> EvidenceMonitor:
-        """Take one reading's log evidence, as `update` returns it, in: -inf if the reading was impossible."""
+        """Return the monitor after one reading's log evidence, as `update` returns it: -inf if impossible."""
         if not log_evidence < math.inf:  # nan neither
             raise ValueError(f"a log evidence is a number below infinity, not {log_evidence}")
         count = self.readings + 1
@@ -89,7 +89,7 @@ class EvidenceMonitor:
 
     @property
     def deficit(self) -> float:
-        """How far the fast mean is below the slow one, in nats a reading; 0 if above."""
+        """Distance of the fast mean below the slow one, in nats per reading; 0 if it is above."""
         return max(0.0, self.slow_mean - self.fast_mean)
 
     @property
@@ -108,7 +108,7 @@ class EvidenceMonitor:
 
 
 def inject(belief: ArrayLike, fraction: float, fresh: ArrayLike | None = None) -> FloatArray:
-    """Mix a fresh belief in.
+    """Mix the belief with a fresh one.
 
     Parameters
     ----------

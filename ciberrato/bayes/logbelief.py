@@ -108,7 +108,7 @@ class LogBelief:
 
     @classmethod
     def of(cls, belief: ArrayLike) -> LogBelief:
-        """Take the logarithms of a belief, which need not sum to 1."""
+        """Return a log belief from a belief, which need not sum to 1."""
         values = belief_array(belief, massless=True)
         with np.errstate(divide="ignore"):
             logs = np.log(values)
@@ -133,7 +133,7 @@ class LogBelief:
             refuse_log_likelihood(scores)
         if on_impossible not in POLICIES:
             raise ValueError(
-                f"no policy {on_impossible!r} for impossible readings; there are {', '.join(POLICIES)}"
+                f"no policy {on_impossible!r} for impossible readings; choose one of {', '.join(POLICIES)}"
             )
         joint = self.logs + scores
         log_evidence = log_total(joint)

@@ -43,7 +43,7 @@ class MarkovFilter:
     recoveries : int
         How often a reading was impossible and the policy decided.
     lost : int
-        How many states a prediction has taken for impossible, because their probability was below the
+        How many states a prediction has set to zero, because their probability was below the
         smallest double, although a later reading could have favoured them; 0 with `log=True`.
     """
 

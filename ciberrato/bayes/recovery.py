@@ -70,7 +70,7 @@ def recover_logs(log_belief: FloatArray, log_likelihood: FloatArray, policy: Imp
             "the reading is impossible in every state that the belief holds possible"
         )
     if policy not in POLICIES:
-        raise ValueError(f"no policy {policy!r} for impossible readings; there are {', '.join(POLICIES)}")
+        raise ValueError(f"no policy {policy!r} for impossible readings; choose one of {', '.join(POLICIES)}")
     scores = {"keep": log_belief, "likelihood": log_likelihood, "uniform": np.zeros(log_belief.shape)}[policy]
     best = scores.max(initial=-np.inf)
     if best == -np.inf:  # nothing to keep, or nothing explains the reading: all states alike

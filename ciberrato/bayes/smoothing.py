@@ -7,7 +7,7 @@ filter of Probabilistic Robotics, table 2.1; the rest is the theory of hidden Ma
 Tutorial on Hidden Markov Models, Proceedings of the IEEE 77, 1989, sections III.A to III.C).
 
 Steps are scaled, many at a time, as long as no state that is possible gets too small for a double; from there
-on they are made in logarithms, so that results are right however far readings tell the states apart.
+on they are made in logarithms, so that results are right however far readings separate the states.
 """
 
 from __future__ import annotations
@@ -83,9 +83,9 @@ def forward(
     log_likelihoods : array_like, shape (times, states)
         -inf where impossible.
     transitions : matrix or sequence of matrices
-        One for all steps, or times - 1 of them; (states, states), entries 0 or more, row sums 1 at the most.
+        One for all steps, or times - 1 of them; (states, states), entries 0 or more, row sums at most 1.
     log : bool
-        Return the beliefs as natural logarithms, which also tell states below the smallest double apart.
+        Return the beliefs as natural logarithms, which also distinguish states below the smallest double.
 
     Returns
     -------
@@ -220,7 +220,7 @@ class _Scaled:
         except FloatingPointError:
             return False
         totals = filtered[block].sum(axis=1)
-        # Likelihoods are 1 at the most, so the sums only fall.
+        # Likelihoods are at most 1, so the sums only fall.
         if not totals[-1] > _SAFE_TOTAL or not self._sums_are_whole(max(first, 1), stop):
             return False
         filtered[block] /= totals[:, np.newaxis]

@@ -36,7 +36,7 @@ class Axis:
     Attributes
     ----------
     name : str
-        What the coordinate is called, as in "x" or "heading".
+        Name of the coordinate, as in "x" or "heading".
     size : int
         Number of cells, at least 1.
     cell : float
@@ -117,7 +117,7 @@ class Axis:
         return np.asarray(cells % self.size if self.periodic else np.minimum(cells, self.size - 1))
 
     def difference(self, to: ArrayLike, start: ArrayLike) -> FloatArray:
-        """Return `to - start`, the short way round [-length / 2, length / 2) on a periodic axis."""
+        """Return `to - start`, the shorter one [-length / 2, length / 2) on a periodic axis."""
         delta: FloatArray = np.asarray(np.subtract(to, start), dtype=np.float64)
         if not self.periodic:
             return delta
@@ -271,7 +271,7 @@ class StateSpace:
 def line(
     size: int, *, cell: float = 1.0, origin: float = 0.0, unit: str = "", periodic: bool = False
 ) -> StateSpace:
-    """Make a 1-D space with axis x."""
+    """Create a 1-D space with axis x."""
     return StateSpace((Axis(name="x", size=size, cell=cell, origin=origin, unit=unit, periodic=periodic),))
 
 
@@ -282,7 +282,7 @@ def rectangle(
     origin: Sequence[float] = (0.0, 0.0),
     unit: str = "",
 ) -> StateSpace:
-    """Make a 2-D space with axes x and y, in this order.
+    """Create a 2-D space with axes x and y, in this order.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def cell_rows(
     origin: Sequence[float] = (0.0, 0.0),
     unit: str = "",
 ) -> StateSpace:
-    """Make the space of arrays [row, column], row 0 the southernmost: axes y and x, in this order.
+    """Create the space of arrays [row, column], row 0 the southernmost: axes y and x, in this order.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def pose_grid(
     unit: str = "m",
     deg: bool = False,
 ) -> StateSpace:
-    """Make an (x, y, heading) space; the heading is periodic over 2 pi and its cell follows from its size.
+    """Create an (x, y, heading) space; the heading is periodic over 2 pi and its cell follows from its size.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ def pose_grid(
     origin : (float, float, float)
         x, y and heading of the lower edges of cell (0, 0, 0); (0, 0, half a turn backward) if left out.
     unit : str
-        Of x and y, for labels.
+        Unit of x and y, for labels.
     deg : bool
         The origin's heading is given in degrees. The axis is in radians all the same.
     """

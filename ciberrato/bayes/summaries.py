@@ -61,7 +61,7 @@ class Mode(NamedTuple):
     peak : tuple of int
         Index of its greatest cell.
     mass : float
-        Of all cells whose steepest ascent ends at the peak, as a share of the belief's.
+        Mass of all cells whose steepest ascent ends at the peak, as a share of the belief's.
     cells : int
         Number of these cells.
     """
@@ -75,7 +75,7 @@ class Mode(NamedTuple):
 
 
 def modes(belief: ArrayLike, *, space: StateSpace | None = None, least_mass: float = 0.01) -> list[Mode]:
-    """Split a belief into hills and give those with enough mass.
+    """Split a belief into hills and return those with enough mass.
 
     Each cell leads to its greatest neighbour (orthogonal and diagonal) that is greater than itself; the cells
     that lead to one peak are one hypothesis. Neighbours of equal probability go together, so that a flat top
@@ -155,7 +155,7 @@ class Moments(NamedTuple):
     mean : FloatArray, shape (number of axes,)
         On periodic axes the circular mean, within the axis' range.
     covariance : FloatArray, shape (number of axes, number of axes)
-        Of the differences from the mean, taken the short way round on periodic axes.
+        Covariance of the differences from the mean, taken the short way round on periodic axes.
     concentration : FloatArray, shape (number of axes,)
         On periodic axes the length of the mean direction vector, 0 (no preferred direction, the mean means
         nothing) to 1 (certain); 1 on bounded axes.

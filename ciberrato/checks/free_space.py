@@ -33,7 +33,7 @@ class FreeSpace:
     Attributes
     ----------
     walls : WallMap
-        What stops robots.
+        Walls that stop robots.
     step : float
         Between nodes, in units.
     clearance : array, shape (rows, columns)
@@ -51,12 +51,12 @@ class FreeSpace:
     part: NDArray[np.int64]
 
     def places(self, part: int) -> NDArray[np.float64]:
-        """Free nodes of a part, shape (n, 2), in units."""
+        """Return the free nodes of a part, shape (n, 2), in units."""
         row, column = np.nonzero((self.part == part) & (self.clearance >= ROBOT_RADIUS - 1e-9))
         return np.stack(((column + 0.5) * self.step, (row + 0.5) * self.step), axis=1)
 
     def parts_near(self, x: float, y: float, radius: float) -> set[int]:
-        """Numbers of the parts that come within a radius of a place."""
+        """Return the numbers of the parts that come within a radius of a place."""
         rows, columns = self.part.shape
         low_x, high_x = (int((x + side * radius) / self.step) for side in (-1, 1))
         low_y, high_y = (int((y + side * radius) / self.step) for side in (-1, 1))
@@ -79,7 +79,7 @@ def blocked(walls: WallMap, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
     Parameters
     ----------
     walls : WallMap
-        Of a lab without lines.
+        Walls of a lab without lines.
     x, y : array_like
         Units.
     """
@@ -89,7 +89,7 @@ def blocked(walls: WallMap, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
 
 
 def free_space(lab: Lab) -> FreeSpace | None:
-    """Look where a robot can be.
+    """Compute where a robot can be.
 
     Parameters
     ----------

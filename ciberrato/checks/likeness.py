@@ -1,4 +1,4 @@
-"""Labs that look the same turned round, and twin rooms: places that IR sensors cannot tell apart."""
+"""Labs that look the same turned round, and twin rooms: places that IR sensors cannot distinguish."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def turns_alike(lab: Lab, space: FreeSpace) -> list[tuple[Turn, float]]:
 
 
 def likeness_findings(lab: Lab, space: FreeSpace, source: str, line: int) -> list[Finding]:
-    """Note that a lab looks the same turned round, and rooms that are twins.
+    """Report that a lab looks the same turned round, and rooms that look the same.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def likeness_findings(lab: Lab, space: FreeSpace, source: str, line: int) -> lis
     source : str
         The lab's file.
     line : int
-        Of its root.
+        Line of its root.
     """
     found = []
     seen: set[int] = set()

@@ -32,17 +32,17 @@ def schema_file(kind: str) -> Path:
         If there is none of that kind.
     """
     if kind not in KINDS:
-        raise UsageError(f"{kind!r} is not a kind of file; these are: {', '.join(KINDS)}")
+        raise UsageError(f"{kind!r} is not a kind of file; choose one of {', '.join(KINDS)}")
     return _FOLDER / f"{kind}.rng"
 
 
 def schema_findings(data: bytes, source: str, kind: str, known: Sequence[Finding]) -> list[Finding]:
-    """Find what the schema does not allow, and no other finding tells.
+    """Find what the schema does not allow and no other finding reports.
 
     Parameters
     ----------
     data : bytes
-        Of a file that is well-formed.
+        Bytes of a well-formed file.
     source : str
         The file's name.
     kind : str

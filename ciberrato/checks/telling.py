@@ -9,7 +9,7 @@ from ciberrato.files.findings import Finding
 
 
 def tell(findings: Iterable[Finding], say: Callable[[str], None], *, strict: bool) -> None:
-    """Say the warnings among findings.
+    """Report the warnings among findings.
 
     Parameters
     ----------

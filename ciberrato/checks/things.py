@@ -114,7 +114,7 @@ def reach_findings(file: LabFile, space: FreeSpace, starts: Sequence[tuple[float
     ----------
     file : LabFile
     space : FreeSpace
-        Of the lab.
+        Space of the lab.
     starts : sequence of (x, y)
         Where robots start; empty: in target 0, by custom.
     """

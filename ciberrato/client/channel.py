@@ -50,7 +50,7 @@ class Channel(Protocol):
         """Wait for Measures; return all that are there, oldest first, or none if none came in time."""
 
     def close(self) -> None:
-        """Close; again is harmless."""
+        """Close the channel; closing again is harmless."""
 
 
 class LinkChannel:
@@ -145,7 +145,7 @@ class LinkChannel:
     def _rest(self) -> list[bytes]:
         try:
             return self.link.receive_waiting()
-        except LinkError:  # told by the next call, once what has come is dealt with
+        except LinkError:  # reported by the next call, once what has come is dealt with
             return []
 
     def _decode(self, data: bytes) -> object:
@@ -213,10 +213,10 @@ class SteppedSimulation(Protocol):
         """Return the robot's position number, or None if it is refused."""
 
     def launch(self) -> Mapping[int, Measures]:
-        """Do the two cycles that a run begins with."""
+        """Run the two cycles with which every run begins."""
 
     def step(self, actions: Mapping[int, Actions]) -> Mapping[int, Measures]:
-        """Do one cycle."""
+        """Run one cycle."""
 
 
 class SimulationChannel:
@@ -249,7 +249,7 @@ class SimulationChannel:
         return Acceptance(parameters=world.parameters, n_beacons=len(world.lab.beacons))
 
     def send(self, actions: Actions) -> None:
-        """Do a cycle."""
+        """Send the command and run one cycle."""
         measures = self._simulation.step({self._robot: actions}).get(self._robot)
         if measures is not None:
             self._ready.append(measures)
@@ -263,4 +263,4 @@ class SimulationChannel:
         return ready
 
     def close(self) -> None:
-        """Leave the simulation as it is."""
+        """Close nothing: the simulation stays as it is."""

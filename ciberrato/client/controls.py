@@ -57,7 +57,7 @@ class Controls:
         Parameters
         ----------
         left, right : float
-            Units a cycle; the simulator clamps them to ±0.15.
+            Units per cycle; the simulator clamps them to ±0.15.
 
         Raises
         ------
@@ -83,11 +83,11 @@ class Controls:
         self._core.set_led("end_led", True)
 
     def say(self, text: str) -> None:
-        """Say something, of 100 characters at the most, to the robots within 8 units (this one included)."""
+        """Broadcast a text of at most 100 characters to the robots within 8 units (this one included)."""
         self._core.say(text)
 
     def request(self, *names: str) -> None:
-        """Ask for sensors that come on request only; see `RobotCore.request`.
+        """Request sensors that come on request only; see `RobotCore.request`.
 
         Without it every sensor that needs asking is asked for, in turn where the limit is lower.
         """
@@ -119,12 +119,12 @@ class Controls:
 
     @property
     def ended(self) -> RunEnd | None:
-        """Why the run is over; None while it is not."""
+        """Reason why the run is over; None while it is not."""
         return self._core.ended
 
     @property
     def lost(self) -> int:
-        """Number of simulated cycles whose Measures never came."""
+        """Number of simulated cycles whose Measures did not arrive."""
         return self._core.lost
 
     @property
@@ -139,7 +139,7 @@ class Controls:
 
     @property
     def stops(self) -> int:
-        """How often the robot was stopped as nothing was heard for three cycles (in real time only)."""
+        """Number of times the robot was stopped because no message came for three cycles (real time only)."""
         return self._stops
 
     def __repr__(self) -> str:
@@ -182,7 +182,7 @@ class Controls:
         return not self._closed and self._core.ended is None
 
     def _take(self, messages: list[Measures]) -> Measures | None:
-        """Take in messages; return what the program is to see, else answer in its place."""
+        """Process messages; return the one for the program, or answer in its place."""
         if not messages:
             self._hear_nothing()
             return None
@@ -214,7 +214,7 @@ class Controls:
 
     @property
     def _patience(self) -> float:
-        """Seconds to wait for Measures before `_take` is to be told that there are none."""
+        """Seconds to wait for Measures before `_take` is called without any."""
         return max(min(self._waits_since + self._timeout, self._next_stop) - time.monotonic(), 0.0)
 
     def _hear_nothing(self) -> None:

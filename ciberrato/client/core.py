@@ -43,7 +43,7 @@ class RobotCore:
     name : str
         Printable, at most 200 bytes (the real simulator dies of names much longer).
     position : int
-        In the start grid, from 1; 0 = the first free one.
+        Position in the start grid, from 1; 0 = the first free one.
     angles : sequence of four float, or None
         Mounting angles of the IR sensors in degrees, counter-clockwise from the front; None = 0, 60, -60,
         180.
@@ -99,7 +99,7 @@ class RobotCore:
         self._rota: RequestRota | None = None
 
     def accept(self, acceptance: Acceptance) -> None:
-        """Take note that the simulator has accepted the robot."""
+        """Register that the simulator has accepted the robot."""
         self.acceptance = acceptance
         self._order = MessageOrder(acceptance.parameters.sim_time)
         self._rota = RequestRota(acceptance.parameters, n_beacons=acceptance.n_beacons, ground=True)
@@ -117,7 +117,7 @@ class RobotCore:
         Parameters
         ----------
         left, right : float
-            Units a cycle; the simulator clamps them to ±0.15.
+            Units per cycle; the simulator clamps them to ±0.15.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class RobotCore:
         self._leds[name] = bool(on)
 
     def say(self, text: str) -> None:
-        """Say something to the robots within 8 units, with the next message.
+        """Broadcast a text to the robots within 8 units, with the next message.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class RobotCore:
         self._say = text
 
     def request(self, *names: str) -> None:
-        """Ask for sensors that come on request only, with the next message; replaces the automatic requests.
+        """Request sensors that come on request only, with the next message; replaces the automatic requests.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class RobotCore:
     # --- a cycle -------------------------------------------------------------------------------------
 
     def take(self, messages: Iterable[Measures]) -> Measures | None:
-        """Take in what has come, oldest first.
+        """Process the messages that have arrived, oldest first.
 
         Parameters
         ----------
@@ -247,6 +247,6 @@ def _power(side: str, value: float) -> float:
         power = math.nan
     if not math.isfinite(power):
         raise UsageError(
-            f"{side} motor: {value!r} is not a finite number; powers are units a cycle, up to 0.15"
+            f"{side} motor: {value!r} is not a finite number; powers are units per cycle, up to 0.15"
         )
     return power

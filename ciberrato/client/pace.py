@@ -6,7 +6,7 @@ import os
 from collections import deque
 
 LOCKSTEP_VARIABLE = "CIBERRATO_LOCKSTEP"
-"""Set, it tells programs that the simulator is in lockstep, however slow others that it waits for are."""
+"""If set, programs treat the simulator as in lockstep, however slow others that it waits for are."""
 MISSED = 3
 """Cycles without Measures after which motors are to stand."""
 _LOOKED_AT = 20
@@ -33,7 +33,7 @@ class Pace:
         self._heard: deque[tuple[float, int]] = deque(maxlen=_LOOKED_AT)
 
     def heard(self, now: float, time: int) -> None:
-        """Note a message of a simulator that runs.
+        """Register a message of a simulator that runs.
 
         Parameters
         ----------

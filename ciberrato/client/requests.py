@@ -29,7 +29,7 @@ class RequestRota:
         self._at_once = min(parameters.requests_per_cycle, len(names))
 
     def next(self) -> tuple[str, ...]:
-        """Return the names to ask for now."""
+        """Return the names of the sensors to request now."""
         now = tuple(self._names[: self._at_once])
         self._names = [*self._names[self._at_once :], *now]
         return now

@@ -36,7 +36,7 @@ class Robot(Controls):
     host : str
         HOST[:PORT] of the simulator, the real one or ours; port 6000 if it is not named.
     position : int
-        In the start grid, from 1; 0 = the first free one.
+        Position in the start grid, from 1; 0 = the first free one.
     angles : sequence of four float, optional
         Mounting angles of the IR sensors in degrees, counter-clockwise from the front; default: 0, 60, -60,
         180.

@@ -69,7 +69,7 @@ class RunRecorder:
                 raise UsageError(f"{self._log}: cannot be written: {error.strerror}") from None
 
     def observe(self, measures: Measures, command: tuple[float, float]) -> None:
-        """Feed the filter; before the program sees the Measures.
+        """Update the filter, before the program sees the Measures.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class RunRecorder:
             self.pose = estimate if estimate.modes else None  # none until the tables are there
 
     def record(self, measures: Measures, actions: Actions) -> None:
-        """Write a cycle, with what was answered."""
+        """Write a cycle, with its answer."""
         if self._writer is None:
             return
         from ciberrato.files.run_records import Cycle
@@ -128,7 +128,7 @@ def _writable(log: str | Path) -> Path:
     if path.is_dir():
         raise UsageError(f"{path}: cannot be written: it is a directory")
     if not path.parent.is_dir():
-        raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
+        raise UsageError(f"{path}: cannot be written: no directory {path.parent}; create it")
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise UsageError(f"{path}: cannot be written: no permission")
     return path

@@ -34,7 +34,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Load `read_results` when it is first asked for: the command line sets numpy up before that."""
+    """Load `read_results` at its first use: the command line sets numpy up before that."""
     if name != "read_results":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from ciberrato.evaluation.results import read_results

@@ -47,10 +47,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             return _run(make_parser().parse_args(arguments))
         except _TerminatedError:
-            print(f"\n{PROGRAM}: terminated; the same command goes on from here", file=sys.stderr)
+            print(f"\n{PROGRAM}: terminated; the same command continues from here", file=sys.stderr)
             return 143
         except KeyboardInterrupt:
-            print(f"\n{PROGRAM}: interrupted; the same command goes on from here", file=sys.stderr)
+            print(f"\n{PROGRAM}: interrupted; the same command continues from here", file=sys.stderr)
             return 130
 
     try:
@@ -65,7 +65,7 @@ class _TerminatedError(BaseException):
 
 
 def _take_termination() -> Any:
-    """Have SIGTERM raise; return what handled it before, None where that cannot be had."""
+    """Install a handler that raises on SIGTERM; return the old one, None where it cannot be installed."""
 
     def leave(number: int, frame: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # one is enough
@@ -204,7 +204,7 @@ def _tell(
     grids: Sequence[str] = (),
     parameters: Sequence[str] = (),
 ) -> None:
-    """Say once what is odd in the files that are to be read."""
+    """Report once the findings about the files that will be read."""
     from ciberrato.checks.telling import tell
     from ciberrato.checks.things import thing_findings
     from ciberrato.files.lab import parse_lab_file

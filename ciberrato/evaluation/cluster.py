@@ -31,7 +31,7 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Result | Failure
     ----------
     tasks : sequence of Task
     address : str
-        Of the Dask scheduler.
+        Address of the Dask scheduler.
 
     Yields
     ------
@@ -109,7 +109,7 @@ def _absolute(name: str) -> str:
 
 
 def check_versions(client: Any, address: str) -> None:
-    """Complain about a cluster without workers, and about workers whose results would differ."""
+    """Raise an error if a cluster has no workers, or workers whose results would differ."""
     versions = _ask(client, address, _version)
     if not versions:
         raise UsageError(f"--scheduler {address}: it has no workers")
@@ -121,7 +121,7 @@ def check_versions(client: Any, address: str) -> None:
 
 
 def _check_workers(client: Any, address: str, tasks: Sequence[Task]) -> None:
-    """Complain at once about what would make every task fail, or its results differ."""
+    """Raise an error at once if every task would fail on the workers, or its results would differ."""
     check_versions(client, address)
     named = {name for task in tasks for name in (task.lab, task.grid, task.parameters) if name is not None}
     files = sorted(name for name in named if os.path.isabs(name))
@@ -137,7 +137,7 @@ def _check_workers(client: Any, address: str, tasks: Sequence[Task]) -> None:
 
 
 def _wrong_part(parts: Sequence[tuple[str, str, str]], folder: str) -> str | None:
-    """Say what of the filters and drives that others wrote is missing here, or is other code."""
+    """Return which of the user's filters and drives are missing here or differ; None if they agree."""
     from ciberrato.evaluation.judged import code_of
 
     if parts and folder not in sys.path:

@@ -23,7 +23,7 @@ Pairs = dict[tuple[str, ...], tuple[list[Result], list[Result]]]
 
 
 def compare(results: Sequence[Result], one: str, other: str, fields: Sequence[str]) -> str:
-    """Lay out how soon two drives localize the robot.
+    """Tabulate how soon two drives localize the robot.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _pairs(results: Sequence[Result], one: str, other: str, fields: Sequence[str
 
 
 def _by_other_half(pairs: Pairs) -> Pairs:
-    """Pick the groups that are slow by their runs with even seeds; give the others of their runs."""
+    """Choose the slow groups by their runs with even seeds; return them with their other runs."""
     found = {}
     for key, (first, second) in pairs.items():
         even, odd = _of_seeds(first, 0), _of_seeds(first, 1)

@@ -40,7 +40,7 @@ class FilterSetup:
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees.
     start : {"anywhere", "centres"}
-        What is told of the start: nothing, or that it is a cell's centre with one of four headings.
+        Prior of the start: none, or that it is a cell's centre with one of four headings.
     generator : numpy Generator
         For the filter alone: a task gives the same run every time.
     """
@@ -66,7 +66,7 @@ class Judged(Protocol):
         """Weight of the states that it gave up as too unlikely."""
 
     def observe(self, measures: Measures, command: Command | None) -> None:
-        """Take in a message."""
+        """Process a message."""
 
     def estimate(self) -> Any:
         """Return where the robot is: x, y, heading, probability, certain."""
@@ -127,12 +127,12 @@ class OwnFilter:
         return getattr(self._filter, "restarts", ())
 
     def observe(self, measures: Measures, command: Command | None) -> None:
-        """Take in a message."""
+        """Process a message."""
         self._estimate = None
         self._asked(self._filter.observe, measures, command)
 
     def estimate(self) -> Any:
-        """Return where the robot is; the filter is asked once a message."""
+        """Return the pose of the robot; the filter is called once per message."""
         if self._estimate is None:
             self._estimate = self._looked_at(self._asked(self._filter.estimate))
         return self._estimate
@@ -178,7 +178,7 @@ def load_filter(name: str) -> Part:
 
 
 def code_of(filter_name: str, drive: str) -> str:
-    """Digest the sources of the filter and the drive of a task, as far as others wrote them.
+    """Compute a digest of the sources of a task's filter and drive, where they are the user's own.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ def start_grid(lab: PublicLab) -> StartGrid:
         If there is none.
     """
     if lab.grid is None:
-        raise LabError("there is no start grid beside it", source=str(lab.path))
+        raise LabError("no start grid beside it; add one, or choose another --start", source=str(lab.path))
     return read_grid(lab.grid)
 
 

@@ -30,8 +30,8 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser."""
     parser = ProgramParser(
         PROGRAM,
-        description="Run the filter in many labs, from many starts, and say how soon and how surely it knows "
-        "where it is. Runs are in lockstep, in this machine's processes or on a Dask cluster.",
+        description="Run the filter in many labs, from many starts, and report how soon and how reliably it "
+        "localizes the robot. Runs are in lockstep, in processes of this machine or on a Dask cluster.",
     )
     add = parser.add_argument
     add(
@@ -39,14 +39,14 @@ def make_parser() -> argparse.ArgumentParser:
         action="extend",
         nargs="+",
         metavar="LAB",
-        help="name or file; `maps`: all that ship, `judged`: the public ones by the rule, `all`: every lab "
-        "in the folder of --labs; may be given again",
+        help="names or files of labs; `maps`: all that ship, `judged`: the public labs by the rule, `all`: "
+        "every lab in the folder of --labs; may be repeated",
     )
     add(
         "--labs",
         type=Path,
         metavar="DIR",
-        help="folder of other labs, in which names are looked up, too; alone the same as --lab all; default: "
+        help="folder of more labs; names are looked up in it, too; without --lab, all of them; default: "
         f"$CIBERRATO_LABS; {PUBLIC}",
     )
     add(
@@ -54,35 +54,39 @@ def make_parser() -> argparse.ArgumentParser:
         nargs="+",
         choices=STARTS,
         default=["centres"],
-        help="where robots start: in the lab's start grid, in centres of cells, anywhere; default: centres",
+        help="start poses: those of the start grid, centres of cells, or any free ones; default: centres",
     )
     add(
         "--prior",
         nargs="+",
         choices=PRIORS,
-        help="told: the filter is told that it starts in a cell's centre, where it does; default: anywhere",
+        help="prior of the filter; told: centres of cells, where the robot starts in one; default: anywhere",
     )
-    add("--told", action="store_true", help="the same as --prior told")
-    add("--parameters", nargs="+", default=["default"], metavar="FILE", help="names or files")
+    add("--told", action="store_true", help="same as --prior told")
+    add("--parameters", nargs="+", default=["default"], metavar="FILE", help="parameters, names or files")
     add(
         "--set",
         action="append",
         default=[],
         metavar="NAME=VALUE,...",
-        help="runs with each of these values of a parameter, like MotorsNoise=0,1.5,5; may be given again",
+        help="run with each of these values of a parameter, as in MotorsNoise=0,1.5,5; may be repeated",
     )
+    add("--compass", nargs="+", choices=("on", "off"), default=["on"], help="compass on or off; default: on")
     add(
-        "--compass", nargs="+", choices=("on", "off"), default=["on"], help="with one or without; default: on"
+        "--gps",
+        nargs="+",
+        choices=GPS,
+        default=["announced"],
+        help="GPS; announced: as in the parameters (default)",
     )
-    add("--gps", nargs="+", choices=GPS, default=["announced"], help="announced: as the parameters say")
     add(
         "--filter",
         nargs="+",
         type=_filter,
         default=[BUILT_IN],
         metavar="FILTER",
-        help=f"{BUILT_IN} (default), or filters of your own beside it: module:function, or the name of an "
-        "entry point in ciberrato.filters; the drives ask the built-in one, so that all see the same runs",
+        help=f"filters: {BUILT_IN} (default), and your own: module:function, or the name of an entry point "
+        "in ciberrato.filters; drives follow the built-in one, so that all filters see the same runs",
     )
     add(
         "--drive",
@@ -90,48 +94,75 @@ def make_parser() -> argparse.ArgumentParser:
         type=_drive,
         default=["explore"],
         metavar="DRIVE",
-        help=f"{', '.join(DRIVES)}; or drives of your own: module:function[:TEXT], or the name of an entry "
+        help=f"drives: {', '.join(DRIVES)}, or your own: module:function[:TEXT], or the name of an entry "
         "point in ciberrato.drives; default: explore",
     )
-    add("--seeds", type=int, default=10, metavar="N", help="runs of each kind; default: 10")
-    add("--first-seed", type=int, default=0, metavar="N", help="seeds are counted up from it; default: 0")
-    add("--cycles", type=int, default=800, metavar="N", help="of a run; default: 800")
-    add("--settle", type=int, default=0, metavar="N", help="end a run N cycles after its first right claim")
-    add("--resolution", type=float, metavar="UNITS", help="default: 0.1, coarser in large labs")
-    add("--kidnap", type=int, default=0, metavar="CYCLE", help="put the robot elsewhere before that cycle")
+    add("--seeds", type=int, default=10, metavar="N", help="number of runs of each kind; default: 10")
+    add(
+        "--first-seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="seed of the first run; the others count up; default: 0",
+    )
+    add("--cycles", type=int, default=800, metavar="N", help="cycles of a run; default: 800")
+    add(
+        "--settle",
+        type=int,
+        default=0,
+        metavar="N",
+        help="end a run N cycles after its first right claim; default: 0, do not",
+    )
+    add(
+        "--resolution",
+        type=float,
+        metavar="UNITS",
+        help="resolution of the filter; default: 0.1, coarser in large labs",
+    )
+    add(
+        "--kidnap",
+        type=int,
+        default=0,
+        metavar="CYCLE",
+        help="move the robot elsewhere before that cycle; default: 0, do not",
+    )
     add(
         "--output",
         type=Path,
         default=Path("evaluation.jsonl"),
         metavar="FILE",
-        help="outcomes, added to",
+        help="file to which the outcomes are added; default: evaluation.jsonl",
     )
-    add("--report", action="store_true", help="run nothing, sum up what the output file holds")
+    add("--report", action="store_true", help="run nothing; summarize the output file")
     add("--replay", nargs="+", type=Path, metavar="DIR", help="run the filter over recorded sessions instead")
     add(
         "--published",
         action="store_true",
-        help="hold the filter against the published method instead, from --seeds cells, without motor noise",
+        help="compare the filter with the published method instead, from --seeds cells, without motor noise",
     )
-    add("--by", nargs="+", choices=GROUPS, metavar="AXIS", help=f"groups of the table: {', '.join(GROUPS)}")
+    add("--by", nargs="+", choices=GROUPS, metavar="AXIS", help=f"group the table by: {', '.join(GROUPS)}")
     add(
         "--compare",
         nargs=2,
         type=_drive,
         metavar="DRIVE",
-        help="compare two drives by group, where the first is slow above all",
+        help="compare two drives by group, above all where the first is slow",
     )
     add(
         "--table",
         type=Path,
         metavar="FILE",
-        help="write the outcomes there, a row a run: .csv or .parquet (extra `tables`)",
+        help="write the outcomes, one row per run: .csv or .parquet (extra `tables`)",
     )
-    add("--figures", type=Path, metavar="DIR", help="draw figures there")
-    add("--jobs", type=int, default=0, metavar="N", help="processes; default: one a core")
-    add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the tasks instead")
-    add("--strict", action="store_true", help="refuse labs, grids and parameters with warnings")
-    add("--quiet", action="store_true", help="no progress bar")
+    add("--figures", type=Path, metavar="DIR", help="draw figures into a folder")
+    add("--jobs", type=int, default=0, metavar="N", help="number of processes; default: one per core")
+    add(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="address of a Dask cluster that runs the tasks; default: this machine",
+    )
+    add("--strict", action="store_true", help="refuse labs, grids and parameters that have warnings")
+    add("--quiet", action="store_true", help="print no progress bar")
     return parser
 
 

@@ -16,7 +16,7 @@ from ciberrato.evaluation.task import Task
 
 
 def tasks_of(options: argparse.Namespace) -> list[Task]:
-    """List the tasks that a command line asks for.
+    """List the tasks of a command line.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
                 f"--lab {name}: name the folder of public labs by --labs or CIBERRATO_LABS ({PUBLIC})"
             )
         if not folder.is_dir():
-            raise UsageError(f"--labs {folder}: there is no such folder")
+            raise UsageError(f"--labs {folder}: no such folder; check the path")
         labs = judged_labs(folder) if name == "judged" else all_labs(folder)
         if not labs:
             raise UsageError(f"--labs {folder}: there are no public labs in it ({PUBLIC})")
@@ -120,7 +120,7 @@ def find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
 
 @functools.cache
 def resolution_of(lab: str) -> float:
-    """Say with which resolution the filter can follow a robot in a lab."""
+    """Return the resolution at which the filter can follow a robot in a lab."""
     from ciberrato.files.lab import read_lab
     from ciberrato.labs import find_lab
     from ciberrato.localization.tables.pose_tables import fine_resolution

@@ -72,7 +72,7 @@ class LabTask:
     ----------
     lab : str
     resolution : float
-        Of the fine lattice, in units.
+        Resolution of the fine lattice, in units.
     runs : int
         Start cells, drawn at random, none twice.
     parameters : str
@@ -97,7 +97,7 @@ class Compared:
 
     @property
     def steps(self) -> list[Step]:
-        """All steps."""
+        """Steps of all runs."""
         return [step for run in self.runs for step in run]
 
     def figures(self, who: str) -> tuple[float, float, float]:
@@ -209,7 +209,7 @@ def _score(belief: Floats, truth: Cell) -> tuple[float, float]:
 
 
 def published_table(compared: Sequence[Compared]) -> str:
-    """Lay out the comparison, a line a lab, and what it comes to."""
+    """Return the comparison as a table, one line per lab, with a summary."""
     rows = [
         [
             "lab",

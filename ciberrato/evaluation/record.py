@@ -50,7 +50,7 @@ class Record:
 
     @property
     def last_cycle(self) -> int:
-        """With which the run is over, as far as can be said now."""
+        """Last cycle of the run, as far as it is known now."""
         if self.task.settle and self.first_right is not None:
             return min(self.first_right + self.task.settle, self.task.cycles)
         return self.task.cycles
@@ -87,7 +87,7 @@ class Record:
                 self._truth.append(round(held, 4))
 
     def rest(self) -> None:
-        """End the run in what it has come to: the robot stands for good, and every cycle to come is alike."""
+        """Fill the rest of the run: the robot stands for good, and all remaining cycles are alike."""
         self._rested = self.cycles
         for cycle in range(self.cycles + 1, self.last_cycle + 1):
             self._count(cycle)

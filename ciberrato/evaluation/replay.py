@@ -158,7 +158,7 @@ class Replay:
     path : array, shape (cycles, 2)
         True places in units.
     cells : int
-        That the robot was in, one after the other.
+        Cells in which the robot was, in order.
     moments : tuple of Moment
     blocks : (int, int)
         In our belief file and in that of the recorded agent, the prior included.
@@ -248,7 +248,7 @@ def replay(folder: Path, lab: Lab) -> Replay:
 
 
 def _reading_times(recording: Recording) -> list[int]:
-    """When the published method's own agent takes the readings that its file says something about."""
+    """Return when the published method's own agent takes the readings to which its file refers."""
     driven, wheels = 0.0, STANDSTILL
     times = []
     for number, (measures, command) in enumerate(recording.inputs):
@@ -287,7 +287,7 @@ def verdict(block: Floats | None, cell: Cell) -> str:
 
 
 def replay_table(found: Replay) -> str:
-    """Lay a replay out for readers who know neither agent.
+    """Return a replay as a table for readers who know neither agent.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ def _tally(moments: Sequence[Moment], who: str) -> str:
 
 
 def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
-    """Draw the true way, and below it the blocks of both belief files side by side.
+    """Draw the true path, and below it the blocks of both belief files side by side.
 
     Parameters
     ----------

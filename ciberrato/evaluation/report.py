@@ -191,7 +191,7 @@ def kidnapping_line(results: Sequence[Result]) -> str | None:
 
 
 def table(groups: dict[tuple[str, ...], list[Result]]) -> str:
-    """Lay the summaries of groups out in aligned columns; what all groups have in common is said above."""
+    """Return summaries of groups as aligned columns; what all groups have in common stands above."""
     keys = list(groups)
     differing = [len({key[part] for key in keys}) > 1 for part in range(len(keys[0]))] if keys else []
     common = [part for part, differs in zip(keys[0], differing, strict=True) if not differs] if keys else []
@@ -205,7 +205,7 @@ def table(groups: dict[tuple[str, ...], list[Result]]) -> str:
 
 
 def aligned(rows: Sequence[Sequence[str]], width: int = WIDTH) -> str:
-    """Lay rows out in columns, the first to the left, the others to the right.
+    """Return rows as aligned columns, the first to the left, the others to the right.
 
     Parameters
     ----------

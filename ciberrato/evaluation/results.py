@@ -100,7 +100,7 @@ def read_results(path: str | Path) -> Any:
         raise TypeError(f"path: {path!r:.60} is not the path of a file of outcomes")
     file = Path(path)
     if not file.is_file():
-        raise UsageError(f"{file}: there is no such file")
+        raise UsageError(f"{file}: no such file; check the path")
     read = {".csv": _from_csv, ".parquet": _from_parquet}.get(file.suffix.lower(), _from_outcomes)
     columns = read(file)
     try:
@@ -117,7 +117,7 @@ def check_table(path: Path) -> None:
     if path.suffix.lower() == ".parquet":
         _pyarrow()
     if not path.absolute().parent.is_dir():
-        raise UsageError(f"--table {path}: there is no folder {path.parent}")
+        raise UsageError(f"--table {path}: no folder {path.parent}; create it")
 
 
 def write_table(path: Path, tried: Sequence[Result | Failure]) -> None:
@@ -134,7 +134,7 @@ def write_table(path: Path, tried: Sequence[Result | Failure]) -> None:
 
 
 def columns_of(tried: Sequence[Result | Failure]) -> Columns:
-    """Lay outcomes out in the columns of `COLUMNS`; each of shape (runs,)."""
+    """Return outcomes as the columns of `COLUMNS`; each of shape (runs,)."""
     rows = [_row(one) for one in tried]
     return {name: _column(name, [row.get(name) for row in rows]) for name in COLUMNS}
 

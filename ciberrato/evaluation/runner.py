@@ -152,7 +152,7 @@ def _outcomes(tasks: list[Task], jobs: int, scheduler: str | None) -> Iterator[R
 
 
 def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
-    """Hand the tasks out one by one, so that all processes end together."""
+    """Submit the tasks one by one, so that all processes end together."""
     from ciberrato.evaluation.episode import tables_needed
 
     context = multiprocessing.get_context("spawn")
@@ -172,7 +172,7 @@ def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
             for future in done:
                 yield future.result()
     except BrokenProcessPool:
-        raise CiberratoError("a process was killed (memory?); the same command goes on from here") from None
+        raise CiberratoError("a process was killed (memory?); the same command continues from here") from None
     except BaseException:
         for child in multiprocessing.active_children():
             child.terminate()
@@ -182,7 +182,7 @@ def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
 
 
 def _ignore_interrupt() -> None:
-    """Leave Ctrl-C, which goes to all processes of a terminal, to the one that started this.
+    """Ignore Ctrl-C, which goes to all processes of a terminal: the parent process handles it.
 
     SIGTERM, by which that one ends us, takes away what is half written on its way.
     """

@@ -17,7 +17,7 @@ def with_settings(parameters: Parameters, settings: str) -> Parameters:
     Raises
     ------
     UsageError
-        If a name means nothing, or a value is taken for something else.
+        If a name is unknown, or a value is read as something else.
     """
     if not settings:
         return parameters

@@ -60,7 +60,7 @@ def free_pose(lattice: Lattice, generator: np.random.Generator, allowed: NDArray
     """Draw any pose that is free of walls, in squares that are allowed."""
     roomy = np.flatnonzero(allowed & (lattice.clearance >= _LEAST_CLEARANCE + lattice.resolution / 2.0**0.5))
     if not len(roomy):
-        raise LabError("there is no room for a robot", source="lab")
+        raise LabError("no room for a robot; check the walls", source="lab")
     chosen = int(generator.choice(roomy))
     shift = generator.uniform(-0.5, 0.5, 2) * lattice.resolution
     turn = generator.uniform(-math.pi, math.pi)
@@ -73,7 +73,7 @@ def elsewhere(lattice: Lattice, pose: NDArray[np.float64], generator: np.random.
 
 
 def reachable(lattice: Lattice, start: Pose) -> NDArray[np.bool_]:
-    """Squares that can be reached from a pose; shape (squares,)."""
+    """Return the squares that can be reached from a pose; shape (squares,)."""
     rooms = _rooms(lattice)
     away = np.where(rooms >= 0, np.hypot(lattice.x - start[0], lattice.y - start[1]), np.inf)
     return np.asarray(rooms == rooms[away.argmin()])

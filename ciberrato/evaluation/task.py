@@ -37,7 +37,7 @@ class Task:
     start : {"grid", "centres", "free"}
         A pose of the start grid, the centre of a cell with one of four headings, or any free pose.
     prior : {"anywhere", "centres"}
-        What the filter takes for possible at the start.
+        Prior of the filter at the start.
     parameters : str
         Name or path of a parameter file.
     compass : bool
@@ -87,7 +87,7 @@ class Task:
 
     @property
     def key(self) -> str:
-        """A name for the task; tasks with equal names are equal."""
+        """Name of the task; tasks with equal names are equal."""
         return json.dumps(dataclasses.asdict(self), sort_keys=True)
 
 
@@ -105,7 +105,7 @@ class Outcome:
     start : tuple of float
         True pose at the start: x, y in units, heading in degrees.
     room : float
-        Units squared that can be reached from the start: in a small closed room no filter can tell which.
+        Units squared that can be reached from the start: in a small closed room no filter can decide which.
     first_right : int or None
         First right claim.
     first_claim : int or None
@@ -136,7 +136,7 @@ class Outcome:
         For ten equal ranges of probability: cycles in which the estimate had it, and those in which it
         was right.
     filter_ms : list of float
-        Of processor time: median, 99 % quantile and maximum of the time that the filter took in a cycle,
+        Median, 99 % quantile and maximum of the processor time of the filter in a cycle,
         in milliseconds.
     drive_ms : list of float
         The same for the drive.

@@ -37,7 +37,7 @@ class BeliefRun:
     first_line : int
         The line on which the run begins, from 1.
     decimals : int
-        The most decimals of any value: how fine the file tells probabilities.
+        The most decimals of any value: the resolution of its probabilities.
     """
 
     __repr__ = short_repr
@@ -111,7 +111,7 @@ def read_beliefs(path: str | os.PathLike[str]) -> tuple[BeliefRun, ...]:
     """Read a belief file of any writer: 2 to 17 decimals, any blanks, nan, several runs in a row.
 
     A run begins at a prior: a block in which all possible cells, most of the lab, are equally likely. (A
-    filter that has lost everything and begun again writes the same; the file does not tell the two apart.)
+    filter that has lost everything and begun again writes the same; the file does not distinguish the two.)
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def read_beliefs(path: str | os.PathLike[str]) -> tuple[BeliefRun, ...]:
         with io.TextIOWrapper(open_patiently(Path(path)), encoding="utf-8") as file:
             text = file.read()
     except FileNotFoundError:
-        raise LabError("there is no such file", source=source) from None
+        raise LabError("no such file; check the path", source=source) from None
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not a text file"
         raise LabError(f"cannot be read: {reason}", source=source) from None
@@ -141,7 +141,7 @@ def read_beliefs(path: str | os.PathLike[str]) -> tuple[BeliefRun, ...]:
 
 
 def parse_beliefs(text: str, source: str = "localization.out") -> tuple[BeliefRun, ...]:
-    """As `read_beliefs`, from text.
+    """Return the beliefs in a text, as `read_beliefs` does for a file.
 
     Parameters
     ----------

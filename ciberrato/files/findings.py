@@ -51,7 +51,7 @@ class Finding:
 
     @property
     def text(self) -> str:
-        """What it says, without the place."""
+        """Message of the finding, without the place."""
         text = f"{self.found} and {self.taken}" if self.taken else self.found
         return f"{text}; {self.advice}" if self.advice else text
 
@@ -61,5 +61,5 @@ class Finding:
 
 
 def warnings_of(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """Lines of the findings that are no notes, in their order."""
+    """Return the lines of the findings that are not notes, in their order."""
     return tuple(str(finding) for finding in findings if finding.severity != "note")

@@ -61,11 +61,11 @@ class LabFile:
     source : str
         The file's name.
     findings : tuple of Finding
-        What is passed over or taken for something else, in order of lines.
+        What is ignored or read as something else, in order of lines.
     beacon_lines, target_lines, wall_lines : tuple of int
         The line of each beacon, target and wall of the lab; that of the row where a row draws the wall.
     from_rows : tuple of bool
-        Of each wall, whether a row draws it.
+        Whether a row draws each wall.
     """
 
     __repr__ = short_repr

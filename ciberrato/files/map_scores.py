@@ -34,7 +34,7 @@ def mapping_score(reference: str, drawn: str) -> float:
     reference : str
         mapping.out, or planning.out, of which lines that are not 55 characters long are left out.
     drawn : str
-        The robot's map; `map_faults` tells what is wrong with its layout.
+        The robot's map; `map_faults` returns what is wrong with its layout.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def _offset(line: str) -> tuple[float, float]:
 
 
 def _place(x: float, y: float) -> tuple[int, int]:
-    """Column and row of the character at an offset from the start, which is in the middle."""
+    """Return column and row of the character at an offset from the start, which is in the middle."""
     return MAP_COLUMNS // 2 + round(x), MAP_LINES // 2 - round(y)
 
 

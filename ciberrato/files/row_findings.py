@@ -29,7 +29,7 @@ def check_row(
     position : int
         As it is read.
     height : float
-        Of its walls.
+        Height of its walls.
     size : (float, float)
         Width and height of the lab in units.
     reader : Reader
@@ -201,7 +201,7 @@ def _runs(columns: str) -> Iterator[tuple[int, int]]:
 
 
 def _dead_dashes(columns: str) -> Iterator[int]:
-    """Yield the dashes that are in a cell without a level wall, nor between such walls."""
+    """Yield the dashes that are in a cell without a level wall and not between such walls."""
     covered = [False] * (len(columns) + 6)
     for first, end in _runs(columns):
         for column in range(max(first - 1, 0), end + 1):
@@ -210,7 +210,7 @@ def _dead_dashes(columns: str) -> Iterator[int]:
 
 
 def _through(columns: str) -> Iterator[int]:
-    """Yield the columns whose cell has no dash, and yet a wall that began before and goes on behind it."""
+    """Yield the columns whose cell has no dash although a wall passes through it."""
     for first, end in _runs(columns):
         for column in range(first, min(end, len(columns)), 3):
             cell = columns[column : column + 2]

@@ -22,7 +22,7 @@ _DY = HALF_THICKNESS * math.sin(math.pi / 4)
 
 
 def row_walls(pattern: str, position: int, height: float) -> tuple[list[Wall], bool]:
-    r"""Walls drawn by one row pattern, as the real simulator makes them.
+    r"""Return the walls that one row pattern draws, as the real simulator makes them.
 
     Parameters
     ----------

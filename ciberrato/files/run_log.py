@@ -302,7 +302,7 @@ _CHECKS: dict[str, Callable[[Any], bool]] = {
 def _build(
     kind: type[RunHeader | Cycle | Parameters], values: dict[str, Any], source: str, number: int
 ) -> RunHeader | Cycle | Parameters:
-    """Make a record, checking that every value is known and of the right type."""
+    """Create a record; check that every value is known and of the right type."""
     fields = {field.name: field for field in dataclasses.fields(kind)}
     for name, value in values.items():
         if name not in fields:

@@ -44,12 +44,12 @@ class RunHeader:
         What a sensor is taken to measure, ``sensor`` or ``cone``; see
         `ciberrato.infrared.model.cell_readings`.
     seed : int or None
-        Seed of the simulation where the caller told it; the agent draws no random numbers.
+        Seed of the simulation if the caller gave it; the agent draws no random numbers.
     robot_name : str
     robot_position : int
         Position asked for, 0 = any free one.
     cruise : float
-        Motor command for driving straight on, in units a cycle.
+        Motor command for driving straight on, in units per cycle.
     precision : int
         Decimals of the probabilities in the output file.
     """
@@ -107,12 +107,12 @@ class Cycle:
     step : int or None
         Number of the step that was recorded at this message: 0 = start cell, k = k-th cell entered.
     estimate : (float, float, float, float) or None
-        Of the live pose filter: x, y in units, heading in degrees, and the probability of that pose.
+        Estimate of the live pose filter: x, y in units, heading in degrees, and the probability of that pose.
     entropy : float or None
-        Of the live filter's belief, in bits.
+        Entropy of the live filter's belief, in bits.
     cells : tuple of (int, int, float), or None
         Row (from the bottom), column and probability of the cells that the live filter takes for possible;
-        where that has changed since the last such entry, every few cycles at the most.
+        where that has changed since the last such entry, at most every few cycles.
     modes : tuple of (float, float, float, float), or None
         x, y, degrees and probability of the poses that it may be, every few cycles while they are several.
     readings : tuple of four (float or None), or None

@@ -154,7 +154,7 @@ class SimulatorLog:
 
     @property
     def robot_ids(self) -> tuple[int, ...]:
-        """All robots that appear, in order of their ids."""
+        """Ids of all robots that appear, in ascending order."""
         return tuple(sorted({robot.robot_id for record in self.records for robot in record.robots}))
 
 
@@ -267,7 +267,7 @@ class _LogParser:
         )
 
     def feed(self, data: bytes) -> None:
-        """Take the next piece."""
+        """Parse the next piece."""
         from lxml import etree
 
         text = self._decoder.decode(data)
@@ -323,7 +323,7 @@ class _LogParser:
         return self._ended
 
     def _fault(self) -> LabError:
-        """Make the error that the parser has met."""
+        """Return the error for what the parser has met."""
         fault = self._parser.feed_error_log[0]
         problem, line = fault.message or "error", fault.line
         if mismatch := MISMATCH.search(problem):
@@ -340,7 +340,7 @@ class _LogParser:
         return LabError(problem, source=self._source, line=line)
 
     def header(self) -> LogHeader:
-        """Make the header of what came before the first record."""
+        """Create the header from what came before the first record."""
         missing = [name for name in ("Parameters", "Lab", "Grid") if name not in self._parts]
         if missing:
             raise self._error(f"has no {missing[0]} before its first LogInfo: not a simulator's log", 1)

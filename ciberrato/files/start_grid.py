@@ -23,7 +23,7 @@ class GridFile:
     source : str
         The file's name.
     findings : tuple of Finding
-        What is passed over or taken for something else, in order of lines.
+        What is ignored or read as something else, in order of lines.
     lines : tuple of int
         The line of each position.
     """
@@ -94,7 +94,7 @@ def parse_grid_with_warnings(
     Parameters
     ----------
     data : bytes
-        The XML document. Text between the elements is passed over: many course files have some.
+        The XML document. Text between the elements is ignored: many course files have some.
     source : str
         The file's name, for messages.
     allow_empty : bool

@@ -9,7 +9,7 @@ from ciberrato.files.xml import Reader
 from ciberrato.files.xml_document import Element
 
 Names = Mapping[str, Mapping[str, str]]
-"""Elements, the attributes of each, and their defaults as they are told."""
+"""Elements, the attributes of each, and their defaults as printed."""
 
 LAB: Names = {
     "Lab": {"Name": '"NO NAMED LAB"', "Width": "16", "Height": "16"},
@@ -99,7 +99,7 @@ def check_unknown_element(element: Element, names: Names, reader: Reader, what: 
 
 
 def check_place(element: Element, root: Element, reader: Reader) -> None:
-    """Note an element that counts although it is inside another one than the root."""
+    """Report an element that counts although its parent is not the root."""
     if element.parent is not None and element.parent is not root:
         inside = element.parent.name
         reader.note(

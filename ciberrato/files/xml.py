@@ -1,8 +1,8 @@
 """XML documents on disk: files to bytes, and attributes to numbers.
 
 Lab, grid and parameter files are read by one set of rules, those of the real simulator: an attribute that
-does not hold a number counts as 0, whatever stands where nothing is expected is passed over, and only
-what is not XML at all is refused. What is passed over is reported as a finding with its line.
+does not hold a number counts as 0, whatever stands where nothing is expected is ignored, and only
+what is not XML at all is refused. What is ignored is reported as a finding with its line.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Reader:
         self.warn(element, kind, found, taken, severity="note", **more)
 
     def error(self, element: Element, problem: str) -> LabError:
-        """Make the error that an element deserves; the caller raises it."""
+        """Return the error for an element; the caller raises it."""
         return LabError(problem, source=self.source, line=element.line)
 
     def refuse(self, element: Element, attribute: str, problem: str) -> None:
@@ -124,11 +124,11 @@ class Reader:
         return 0.0
 
     def integer(self, element: Element, attribute: str, default: int) -> int:
-        """Value of an attribute that should hold an integer of 32 bits; 0 where it does not."""
+        """Return an attribute that should hold an integer of 32 bits; 0 where it does not."""
         return self._integer(element, attribute, default, -(2**31), 2**31 - 1)
 
     def natural(self, element: Element, attribute: str, default: int) -> int:
-        """Value of an attribute that should hold an unsigned integer of 32 bits; 0 where it does not."""
+        """Return an attribute that should hold an unsigned integer of 32 bits; 0 where it does not."""
         return self._integer(element, attribute, default, 0, 2**32 - 1)
 
     def _integer(self, element: Element, attribute: str, default: int, least: int, greatest: int) -> int:
@@ -162,7 +162,7 @@ class Reader:
         )
 
     def switch(self, element: Element, attribute: str, default: bool) -> bool:
-        """Value of an attribute that is on where it says exactly ``On``."""
+        """Return whether an attribute is on: whether it is exactly ``On``."""
         text = element.attributes.get(attribute)
         if text is None:
             return default

@@ -1,8 +1,8 @@
 """XML documents by lxml: bytes to a flat list of elements, each with the line where its tag begins.
 
-lxml keeps the line where a start tag ends, and that of no attribute. So the text is gone through once more
-for its tags: as it is well-formed by then, they are easily told apart. Entities, external documents and the
-network stay off; libxml2 bounds depth (256) and length (10 MB) of what it reads.
+lxml keeps the line where a start tag ends, but no lines of attributes. So the text is searched once more for
+its tags, which are easy to find, as it is well-formed by then. Entities, external documents and the network
+stay off; libxml2 bounds depth (256) and length (10 MB) of what it reads.
 """
 
 from __future__ import annotations
@@ -64,12 +64,12 @@ class Element:
     text: str = ""
 
     def line_of(self, attribute: str) -> int:
-        """Line of an attribute, or of the tag if it has none."""
+        """Return the line of an attribute, or of the tag if it has none."""
         return self.attribute_lines.get(attribute, self.line)
 
 
 def parse_elements(data: bytes, source: str, what: str) -> list[Element]:
-    """All start tags of an XML document, in the order of the document.
+    """Return all start tags of an XML document, in document order.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def parse_elements(data: bytes, source: str, what: str) -> list[Element]:
 
 
 def parse_tree(data: bytes, source: str, what: str) -> etree._Element:
-    """Root of an XML document, see `parse_elements`."""
+    """Return the root of an XML document, see `parse_elements`."""
     if not data.strip():
         raise LabError(f"is empty; give {what} file", source=source, line=1)
     _check_counts(data, source, what)
@@ -126,7 +126,7 @@ def _check_counts(data: bytes, source: str, what: str) -> None:
 
 
 def _parsed(data: bytes, **options: Any) -> tuple[etree._Element | None, list[tuple[int, int, str]]]:
-    """Root, or None and the faults: their code, line and message."""
+    """Return the root, or None and the faults: their code, line and message."""
     from lxml import etree
 
     parser = etree.XMLParser(
@@ -188,7 +188,7 @@ def _problem(code: int | None, message: str, what: str) -> str:
 
 
 def elements_of(root: etree._Element, data: bytes) -> list[Element]:
-    """All elements of a tree, in the order of the document.
+    """Return all elements of a tree, in document order.
 
     Parameters
     ----------
@@ -219,12 +219,12 @@ def elements_of(root: etree._Element, data: bytes) -> list[Element]:
 
 
 def end_line(node: etree._Element) -> int:
-    """Line where a start tag ends."""
+    """Return the line where a start tag ends."""
     return int(getattr(node, "sourceline", None) or 1)
 
 
 def _name(node: etree._Element, name: str) -> str:
-    """Name as written: with its prefix, not with the namespace that it stands for."""
+    """Return the name as written: with its prefix, not with the namespace that it stands for."""
     if not name.startswith("{"):
         return name
     space, local = name[1:].split("}")
@@ -239,7 +239,7 @@ def _name(node: etree._Element, name: str) -> str:
 
 
 def _tag_lines(data: bytes, encoding: str) -> list[tuple[int, dict[str, int]]]:
-    """For every start tag its line, and the lines of its attributes that are on others."""
+    """Return for every start tag its line, and the lines of its attributes that are on others."""
     try:
         text = data.decode(encoding)
     except (LookupError, ValueError):

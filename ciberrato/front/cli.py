@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"ciberrato {__version__}")
         return 0
     if first not in PROGRAMS:
-        print(f"ciberrato: there is no command {first!r}; there are {', '.join(PROGRAMS)}", file=sys.stderr)
+        print(f"ciberrato: unknown command {first!r}; choose one of {', '.join(PROGRAMS)}", file=sys.stderr)
         return 2
     status: int = importlib.import_module(PROGRAMS[first][0]).main(words[1:])
     return status

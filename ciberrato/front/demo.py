@@ -1,4 +1,4 @@
-"""The whole path once: simulator, agent, ``localization.out``, a table and a figure.
+"""Run the whole path once: simulator, agent, ``localization.out``, a table and a figure.
 
 Starts the simulator on a free port and the agent as a process of its own, lets the robot drive until a
 wall stops it, sends the agent the signal that Ctrl-C sends, and looks at what it leaves. The agent is told
@@ -48,8 +48,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = ProgramParser(
         "ciberrato demo", "Run simulator and agent once, and show what the robot believes."
     )
-    parser.add_argument("--seed", type=int, default=7, help="seed of the simulator's noise (7)")
-    parser.add_argument("--folder", type=Path, default=Path("demo"), help="where the files go (demo)")
+    parser.add_argument("--seed", type=int, default=7, help="seed of the simulator's noise; default: 7")
+    parser.add_argument(
+        "--folder", type=Path, default=Path("demo"), help="folder of the files; default: demo"
+    )
     try:
         options = parser.parse_args(argv)
         return demonstrate(options.folder, options.seed)
@@ -200,7 +202,7 @@ def announced_port(simulator: subprocess.Popen[str]) -> int:
 
 
 def wait_for_line(process: subprocess.Popen[str], pattern: re.Pattern[str], who: str) -> re.Match[str]:
-    """Pass on what a process prints until a line matches.
+    """Forward what a process prints until a line matches.
 
     Parameters
     ----------
@@ -227,7 +229,7 @@ def wait_for_line(process: subprocess.Popen[str], pattern: re.Pattern[str], who:
 
 
 def pass_on(process: subprocess.Popen[str]) -> None:
-    """Pass on what a process prints until it ends.
+    """Forward what a process prints until it ends.
 
     Parameters
     ----------

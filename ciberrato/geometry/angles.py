@@ -17,7 +17,7 @@ _TURN = 2 * math.pi
 
 
 def wrap_once(angle: float) -> float:
-    """Take at most one turn off an angle.
+    """Wrap an angle by at most one turn.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def wrap_once(angle: float) -> float:
 
 
 def wrap_each_once(angles: Floats) -> Floats:
-    """Take at most one turn off each angle, as `wrap_once`, to the last bit.
+    """Wrap each angle by at most one turn, as `wrap_once`, to the last bit.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def wrap_each_once(angles: Floats) -> Floats:
 
 
 def short_turn(angle: float) -> float:
-    """Take all whole turns off an angle.
+    """Wrap an angle by whole turns.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def short_turn(angle: float) -> float:
 
 
 def short_turns(angles: Floats) -> Floats:
-    """Take all whole turns off each angle.
+    """Wrap each angle by whole turns.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def short_turns(angles: Floats) -> Floats:
 
 
 def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
-    """Angle from one point to another.
+    """Compute the angle of the direction from one point to another.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ class NearbyFaces:
         return square
 
     def nearest_first(self, x: float, y: float) -> Iterator[tuple[float, Face]]:
-        """Go through all faces.
+        """Yield all faces, in ascending order of the bounds.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class NearbyFaces:
 
 
 def _distance(x: float, y: float, face: Face) -> float:
-    """Distance of a point to a face: `ciberrato.geometry.walls.face_distances`, operation by operation."""
+    """Compute the distance of a point to a face: `ciberrato.geometry.walls.face_distances`, step by step."""
     x0, y0, x1, y1, _, _, length, ux, uy = face
     dx, dy = x - x0, y - y0
     along = dx * ux + dy * uy

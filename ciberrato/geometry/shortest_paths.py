@@ -105,7 +105,7 @@ class DiscPaths:
         return PathsFrom(self, x, y)
 
     def _near_squares(self, lab: Lab) -> Booleans:
-        """Mark the entries of a table of points whose whole surroundings are too near to a wall."""
+        """Mark the entries of a table of points all of whose neighbourhood is too near to a wall."""
         columns, rows = (math.ceil(size / _SQUARE) + 1 for size in (lab.width, lab.height))
         x, y = _SQUARE * np.arange(columns), _SQUARE * np.arange(rows)
         near = np.zeros((rows, columns), np.bool_)
@@ -125,7 +125,7 @@ class DiscPaths:
         return near
 
     def _blocked_samples(self, corners: _Corners) -> list[Booleans]:
-        """For each corner, which points of its arc are too near to some wall."""
+        """Return for each corner which points of its arc are too near to some wall."""
         blocked = []
         walls, reach = self.walls, 2.0 * self.radius
         for x, y, normal, turn in zip(corners.x, corners.y, corners.normal, corners.turn, strict=True):
@@ -141,7 +141,7 @@ class DiscPaths:
         return blocked
 
     def _all_tangents(self) -> list[list[_Tangent]]:
-        """Free tangents between circles, by the circle and side that they leave."""
+        """Compute free tangents between circles, by the circle and side that they leave."""
         n = self._corners.x.size
         leaving: list[list[_Tangent]] = [[] for _ in range(2 * n)]
         rows = max(1, _BLOCK_ELEMENTS // max(1, n))
@@ -227,7 +227,7 @@ class DiscPaths:
         return self._leaving[circle]
 
     def turn(self, circle: int) -> float:
-        """Length of the arc of a circle that can be touched, in radians."""
+        """Return the length of the arc of a circle that can be touched, in radians."""
         return float(self._corners.turn[circle // 2])
 
     def arc_is_free(self, circle: int, begin: float, end: float) -> bool:
@@ -244,7 +244,7 @@ class DiscPaths:
         return high < low or before[high + 1] == before[low]
 
     def _offsets(self, which: Indices, side: float, ux: Floats, uy: Floats) -> Floats:
-        """Where on their arcs tangents of direction u touch circles; nan where they do not."""
+        """Compute where on their arcs tangents of direction u touch circles; nan where they do not."""
         corners = self._corners
         touch = np.arctan2(-side * ux, side * uy)
         ahead = np.mod(touch - corners.normal[which] + math.pi / 2, 2 * math.pi) - math.pi / 2
@@ -256,7 +256,7 @@ class DiscPaths:
 
 @lru_cache(maxsize=8)
 def disc_paths(lab: Lab, radius: float) -> DiscPaths:
-    """Make a `DiscPaths`, or give the one that was made for the same lab."""
+    """Return the `DiscPaths` of a lab, created at the first call."""
     return DiscPaths(lab, radius)
 
 
@@ -296,7 +296,7 @@ class PathsFrom:
         return end >= begin - _ROUNDING and self._paths.arc_is_free(tangent.touch, begin, end)
 
     def length_to(self, x: float, y: float) -> float:
-        """Length of the shortest path from the start to a place.
+        """Compute the length of the shortest path from the start to a place.
 
         Parameters
         ----------
@@ -341,7 +341,7 @@ def _samples(turn: float) -> int:
 
 
 def _along(dx: Floats, dy: Floats, distance: Floats, across: float) -> tuple[Floats, Floats, Floats]:
-    """Direction and length of the lines that pass a point at a distance.
+    """Compute direction and length of the lines that pass a point at a distance.
 
     Parameters
     ----------

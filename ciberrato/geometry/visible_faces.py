@@ -64,7 +64,7 @@ class ViewLists:
         self._across_y = np.stack((np.cos(low), -np.cos(high), np.sin(middle)))
 
     def add(self, square: tuple[int, int]) -> tuple[SeenList, ...]:
-        """Make the lists of a square.
+        """Create the lists of a square.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class ViewLists:
         return self.lists[square]
 
     def select(self, column: Indices, row: Indices) -> tuple[Indices, Floats, Booleans]:
-        """Find out what can be seen from squares.
+        """Find what can be seen from squares.
 
         Parameters
         ----------

@@ -101,7 +101,7 @@ class WallMap:
         return ViewLists(self.start, self.end, self.edge, self.length, self.direction)
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """Distance of points to the nearest face.
+        """Compute the distances of points to the nearest face.
 
         Parameters
         ----------
@@ -230,7 +230,7 @@ class WallMap:
 def face_distances(
     x: Floats, y: Floats, start: Floats, end: Floats, direction: Floats, length: Floats
 ) -> Floats:
-    """Distances of points to faces, by the arithmetic of the real simulator.
+    """Compute the distances of points to faces, by the arithmetic of the real simulator.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _point_segment(point: Floats, start: Floats, end: Floats) -> Floats:
-    """Distances of points to segments, pair by pair; all of shape (n, 2)."""
+    """Compute the distances of points to segments, pair by pair; all of shape (n, 2)."""
     edge, offset = end - start, point - start
     squared = (edge * edge).sum(axis=1)
     along = np.clip((offset * edge).sum(axis=1) / np.where(squared > 0.0, squared, 1.0), 0.0, 1.0)
@@ -280,7 +280,7 @@ def _point_in_polygon(polygon: Floats, x: Floats, y: Floats) -> Booleans:
 
 
 def _faces(walls: list[Wall]) -> tuple[Floats, Floats]:
-    """Sides of the walls, without those between two corners that are the same point."""
+    """Return the sides of the walls, without those between two corners that are the same point."""
     faces = [
         (*corner, *following)
         for wall in walls

@@ -31,7 +31,7 @@ class Agent:
     git, ref, inside : str or None
         Address of a repository with its files; branch, tag or commit (None = its own choice); folder in it.
     commit : str or None
-        That they are of, once fetched (`ciberrato.grading.repositories`).
+        Commit of the files, once fetched (`ciberrato.grading.repositories`).
     """
 
     __repr__ = short_repr

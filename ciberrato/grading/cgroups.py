@@ -1,7 +1,7 @@
 """Control groups, where the user may make them: the kernel's own limits of memory and processes for an agent.
 
-They come on top of what is looked at and of resource limits: the kernel's limit of memory is a little above
-the course's, so that a limit is told as ever, and what grows faster than it is looked at is stopped, too.
+They supplement measurements and resource limits. The kernel's limit of memory is a little above the course's,
+so that a limit is reported as usual, and memory that grows faster than it is measured is stopped, too.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Scopes(Groups):
         self._words = ["systemd-run", *user, "--scope", "--quiet", "--collect"]
 
     def works(self) -> bool:
-        """Try it."""
+        """Return whether the limits work, by a trial."""
         words = self.around(["true"], megabytes=64, processes=8)
         with contextlib.suppress(OSError, subprocess.TimeoutExpired):
             nothing = subprocess.DEVNULL
@@ -84,7 +84,7 @@ class Folder(Groups):
     Parameters
     ----------
     base : Path
-        Of our own group.
+        Folder of our own group.
     """
 
     told = "limits: memory and processes by control groups (below our own)"
@@ -96,7 +96,7 @@ class Folder(Groups):
         self._ours: Path | None = None
 
     def works(self) -> bool:
-        """Try it; the group that hands out limits must hold no processes, so we move below it if need be."""
+        """Return whether the limits work, by a trial; processes in the group are moved below it if needed."""
         try:
             if not {"memory", "pids"} <= set(
                 (self._base / "cgroup.controllers").read_text(encoding="ascii").split()

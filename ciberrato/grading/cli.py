@@ -46,8 +46,8 @@ def _init(words: Sequence[str]) -> int:
 
     parser = ProgramParser(
         f"{PROGRAM} init",
-        description="Write a repository of a course to begin with: agents, labs, workflows, and a template "
-        "for participants.",
+        description="Create the repository of a new course: agents, labs, workflows, and a template for "
+        "participants.",
     )
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     folder = parser.parse_args(words).folder
@@ -132,7 +132,7 @@ def _run(options: argparse.Namespace) -> int:
         print((folder if options.publish is None else options.publish) / "index.html")
     if interrupted:
         print(
-            f"\n{PROGRAM}: interrupted after {len(runs)} of {expected} runs; the same command goes on "
+            f"\n{PROGRAM}: interrupted after {len(runs)} of {expected} runs; the same command continues "
             "from here",
             file=sys.stderr,
         )
@@ -151,42 +151,61 @@ def _parser() -> argparse.ArgumentParser:
     parser = ProgramParser(
         PROGRAM,
         description="Run every agent of a course in every lab with every seed, each in a sandbox with "
-        "limits, and write a report: a site without a network, CSV, JSON, JUnit and Gradescope. "
-        f"`{PROGRAM} init FOLDER` writes a course to begin with; `{PROGRAM} check -- COMMAND` puts one agent "
-        "through what a network and a simulator can do to it.",
-    )
-    parser.add_argument("course", type=Path, metavar="COURSE.toml", help="agents, labs, seeds, points")
-    parser.add_argument(
-        "--output", type=Path, metavar="DIR", help="of the report; default: COURSE-report beside the course"
+        "limits, and write a report: an offline site, CSV, JSON, JUnit and Gradescope. "
+        f"`{PROGRAM} init FOLDER` creates a new course; `{PROGRAM} check -- COMMAND` tests how one agent "
+        "copes with a bad network and with all that a simulator may do.",
     )
     parser.add_argument(
-        "--secret", type=Path, metavar="FILE.toml", help="more labs and seeds, hidden from what is published"
+        "course", type=Path, metavar="COURSE.toml", help="course file: agents, labs, seeds, points"
     )
     parser.add_argument(
-        "--publish", type=Path, metavar="DIR", help="write the report there, too, without what is secret"
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="folder of the report; default: COURSE-report beside the course",
+    )
+    parser.add_argument(
+        "--secret",
+        type=Path,
+        metavar="FILE.toml",
+        help="course file of more labs and seeds, hidden from published reports",
+    )
+    parser.add_argument(
+        "--publish",
+        type=Path,
+        metavar="DIR",
+        help="write a second report, without what is secret, into a folder",
     )
     parser.add_argument(
         "--sandbox",
         choices=KINDS,
         default="auto",
-        help="bwrap: bubblewrap, loopback only, other files unseen; docker: containers of the course's "
-        "image (docker, or podman); none: limits only; default: auto, bwrap "
-        "where it works",
+        help="sandbox of the agents; bwrap: bubblewrap, loopback only, other files hidden; docker: "
+        "containers of the course's image (docker or podman); none: limits only; default: auto, "
+        "bwrap where it works",
     )
     parser.add_argument(
-        "--jobs", type=_jobs, default=0, metavar="N", help="runs at a time; default: one a processor"
+        "--jobs",
+        type=_jobs,
+        default=0,
+        metavar="N",
+        help="number of runs at a time; default: one per processor",
     )
     parser.add_argument(
         "--tournament",
         action="store_true",
-        help="several agents in each run, as [tournament] says; the report goes to COURSE-tournament",
+        help="run several agents at once, see [tournament] in the course; writes COURSE-tournament",
     )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the runs instead")
-    parser.add_argument("--report", action="store_true", help="run nothing, write the report of what was run")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="address of a Dask cluster for the runs; default: this machine"
+    )
+    parser.add_argument(
+        "--report", action="store_true", help="run nothing; write the report of the finished runs"
+    )
     parser.add_argument(
         "--compare", nargs=2, metavar="AGENT", help="compare two agents by runs of the same lab and seed"
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    parser.add_argument("--quiet", action="store_true", help="print no progress bar")
     return parser
 
 

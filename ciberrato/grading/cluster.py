@@ -49,7 +49,7 @@ class Done:
 def on_cluster(
     course: Course, tasks: Sequence[Task], kind: str, address: str, recordings: Path
 ) -> Iterator[tuple[Task, tuple[Outcome, dict[str, Any]] | RunError]]:
-    """Do runs on a cluster.
+    """Run tasks on a cluster.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def on_cluster(
     kind : {"auto", "bwrap", "docker", "none"}
         The sandbox, which each worker must have.
     address : str
-        Of the scheduler.
+        Address of the scheduler.
     recordings : Path
         Folder for the recordings.
 
@@ -128,7 +128,7 @@ def read_files(task: Task) -> dict[str, bytes]:
 
 
 def run_there(course: Course, task: Task, texts: dict[str, bytes], files: bytes | None, kind: str) -> Done:
-    """Do a run on a worker.
+    """Execute a run on a worker.
 
     Parameters
     ----------

@@ -78,11 +78,11 @@ def _points(ranked: Sequence[Standing], name: str) -> dict[tuple[str, int], floa
         if standing.agent == name:
             return {(run.task.lab.name, run.task.seed): points for run, points in standing.runs}
     known = ", ".join(repr(standing.agent) for standing in ranked)
-    raise UsageError(f"--compare: there are no runs of an agent {name!r}; there are those of: {known}")
+    raise UsageError(f"--compare: no runs of an agent {name!r}; choose one of {known}")
 
 
 def words(comparison: Comparison, one: str, other: str) -> str:
-    """Put a comparison into a line."""
+    """Return a comparison as one line of text."""
     span = ""
     if comparison.interval is not None:
         low, high = comparison.interval

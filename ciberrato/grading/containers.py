@@ -37,7 +37,7 @@ def find_engine(image: str | None) -> str:
     Parameters
     ----------
     image : str or None
-        That the course names.
+        Image that the course names.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def find_engine(image: str | None) -> str:
 
 
 def contain(wanted: Mapping[str, Any], engine: str, image: str) -> dict[str, Any]:
-    """Put what a supervisor is asked for into containers.
+    """Wrap a supervisor's request so that its processes run in containers.
 
     Parameters
     ----------

@@ -58,9 +58,9 @@ class GradedLab:
     scoring : int
         Mode.
     weight : float
-        Of the lab's points in the total.
+        Weight of the lab's points in the total.
     position : int
-        In the start grid, from 1.
+        Position in the start grid, from 1.
     secret : bool
         Whether published reports leave it out.
     """
@@ -162,7 +162,7 @@ class Course:
         What a sandbox shows besides the system and Python.
     tournament : TournamentSettings
     image : str or None
-        Of containers, with ciberrato and what agents need.
+        Image of containers, with ciberrato and what agents need.
     secret_seeds : frozenset of int
         Those of the seeds that published reports leave out.
     """
@@ -184,7 +184,7 @@ class Course:
     secret_seeds: frozenset[int] = frozenset()
 
     def hides(self, lab: GradedLab, seed: int) -> bool:
-        """Say whether published reports leave a run out."""
+        """Return whether published reports leave a run out."""
         return lab.secret or seed in self.secret_seeds
 
 
@@ -255,7 +255,7 @@ def _course(top: Fields, folder: Path) -> Course:
     agents = tuple(read_agent(table, folder) for table in top.tables("agent"))
     for kind, names in (("lab", [lab.name for lab in labs]), ("agent", [agent.name for agent in agents])):
         for name in sorted({name for name in names if names.count(name) > 1}):
-            top.fault(f"{kind}: the name {name!r} is there more than once")
+            top.fault(f"{kind}: the name {name!r} occurs more than once")
     if labs and sum(lab.weight for lab in labs) <= 0.0:
         top.fault("lab: no weight is greater than 0")
     top.end()

@@ -107,7 +107,7 @@ class Formula:
             case ast.Name(id=name):
                 if name not in names:
                     known = ", ".join(sorted(names))
-                    raise UsageError(f"{self.text!r}: there is no {name!r}; there are: {known}")
+                    raise UsageError(f"{self.text!r}: unknown name {name!r}; the names are: {known}")
                 return [name]
             case ast.BinOp(op=op) if type(op) in _BINARY:
                 children: list[ast.AST] = [node.left, node.right]

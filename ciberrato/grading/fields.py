@@ -31,11 +31,11 @@ class Fields:
 
     @property
     def count(self) -> int:
-        """How many faults were noted so far, everywhere."""
+        """Number of faults noted so far, in all entries."""
         return len(self._faults)
 
     def fault(self, what: str) -> None:
-        """Note a fault."""
+        """Record a fault."""
         self._faults.append(f"{self._place}: {what}".replace("\n", " "))
 
     def _take(self, key: str) -> Any:
@@ -43,16 +43,16 @@ class Fields:
         return self._table.get(key)
 
     def has(self, key: str) -> bool:
-        """Say whether an entry is there."""
+        """Return whether an entry is present."""
         self._seen.add(key)
         return key in self._table
 
     def end(self) -> None:
-        """Note entries that nothing has asked for."""
+        """Record faults for entries that were never read."""
         for key in self._table:
             if key not in self._seen:
                 known = ", ".join(sorted(self._seen))
-                self.fault(f"there is no entry {key!r}; there are: {known}")
+                self.fault(f"unknown entry {key!r}; the entries are: {known}")
 
     def text(self, key: str, default: Any) -> Any:
         """Read a text."""
@@ -162,7 +162,7 @@ class Fields:
             )
             return (1,)
         if len(set(value)) < len(value):
-            self.fault(f"{key}: a seed is there more than once")
+            self.fault(f"{key}: a seed occurs more than once")
         return tuple(value)
 
     def words(self, key: str, *, needed: bool = False) -> tuple[str, ...] | None:

@@ -77,7 +77,7 @@ def write_course(folder: Path) -> list[Path]:
     texts = course_files()
     for name in texts:
         if (folder / name).exists():
-            raise UsageError(f"{folder / name} is there already; name another folder")
+            raise UsageError(f"{folder / name} already exists; name another folder")
     written = []
     for name, text in texts.items():
         path = folder / name

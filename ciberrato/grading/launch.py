@@ -69,7 +69,7 @@ class Launcher:
         """Control groups that agents are put into."""
 
     def run(self, task: Task) -> tuple[Outcome, dict[str, Any]]:
-        """Do a run.
+        """Execute a run.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class Launcher:
         return outcome, {name: document[name] for name in MEASURED}
 
     def document(self, task: Task, files: Path | None, folder: Path) -> dict[str, Any]:
-        """Do a run, on another port if one is taken.
+        """Execute a run, on another port if one is taken.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class Launcher:
         return 20_000 + secrets.randbelow(12_000)
 
     def end(self) -> None:
-        """End all runs that go on; those that are begun afterwards end at once."""
+        """Stop all runs that go on; those that begin afterwards stop at once."""
         self._ended = True
         for process in tuple(self._running):
             with contextlib.suppress(OSError):
@@ -337,7 +337,7 @@ class Launcher:
 
 
 def takes_port(command: Sequence[str]) -> bool:
-    """Return whether an agent is told the port; others go to 6000."""
+    """Return whether an agent gets the port; others connect to 6000."""
     return any("{port}" in word for word in command)
 
 
@@ -350,7 +350,7 @@ def _filled(word: str, values: dict[str, str]) -> str:
 class _Addresses:
     """Addresses of the loopback that others are not likely to have.
 
-    macOS has 127.0.0.1 only. There, agents that are not told the port run one after the other.
+    macOS has 127.0.0.1 only. There, agents that do not get the port run one after the other.
     """
 
     def __init__(self) -> None:

@@ -17,7 +17,7 @@ _LOCK = "in-use"
 
 @contextlib.contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """Make a temporary folder and remove it at the end, and before that those whose makers are gone.
+    """Create a temporary folder, removed at the end; first remove those whose owners have ended.
 
     A process that is killed cannot clean up. So each folder has a file that its maker holds locked: the
     system unlocks it when the process ends, and the next grading of the same user removes the folder. A

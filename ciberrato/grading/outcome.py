@@ -90,7 +90,7 @@ def judge(
     document : mapping
         As `ciberrato.grading.supervisor` writes it.
     targets : int
-        Of the lab.
+        Targets of the lab.
     cycle_time : int
         Milliseconds.
     folder : Path

@@ -16,14 +16,14 @@ from ciberrato.version import __version__
 
 
 def random_files(table: Fields, position: int) -> tuple[Path, Path] | None:
-    """Make the lab that an entry ``random = { ... }`` describes.
+    """Create the lab that an entry ``random = { ... }`` describes.
 
     Parameters
     ----------
     table : Fields
         The entry: ``seed``, and the options of ``ciberrato-lab new --random`` by their names.
     position : int
-        Of the robot in the start grid, which has at least as many.
+        Position of the robot in the start grid, which has at least as many.
 
     Returns
     -------

@@ -58,7 +58,7 @@ def write_recording(log: Path, target: Path, title: str, names: Mapping[str, str
 
 
 def compact(session: Any) -> dict[str, Any]:
-    """Make a recording of a session.
+    """Create a recording of a session.
 
     Parameters
     ----------

@@ -86,13 +86,13 @@ def fetch_agents(
 def _fetched(agent: Agent, *, network: bool) -> Agent:
     assert agent.git is not None
     if shutil.which("git") is None:
-        raise UsageError("there is no git here; install it")
+        raise UsageError("git is not installed; install it")
     address, ref = agent.git, agent.ref or "HEAD"
     place = cache_folder() / "agents" / hashlib.sha256(address.encode()).hexdigest()[:24]
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"{place}: cannot be made: {error.strerror}") from None
+        raise UsageError(f"{place}: cannot be created: {error.strerror}") from None
     if not (place / "HEAD").exists():
         _git(["init", "--quiet", "--bare", "--template=", str(place)], _ALONE)
     commit = _commit(place, address, ref, network=network)
@@ -106,7 +106,7 @@ def _fetched(agent: Agent, *, network: bool) -> Agent:
 
 
 def _commit(place: Path, address: str, ref: str, *, network: bool) -> str:
-    """Find the commit, fetched; one that is named by its digits is asked for only once."""
+    """Return the commit, fetched; a commit given by its digits is fetched only once."""
     kept = f"refs/graded/{hashlib.sha256(ref.encode()).hexdigest()[:24]}"
     whole = re.fullmatch("[0-9a-f]{40}", ref) is not None
     if network and not (whole and _resolve(place, ref)):
@@ -166,7 +166,7 @@ def _weigh(place: Path, commit: str) -> None:
 
 
 def _environment(extra: dict[str, str]) -> dict[str, str]:
-    """Return the user's environment without what names another repository."""
+    """Return the user's environment without variables that name another repository."""
     # On its own git takes no setting from there, either.
     left_out = ("GIT_",) if extra else _OF_A_REPOSITORY
     kept = {name: value for name, value in os.environ.items() if not name.startswith(left_out)}

@@ -52,12 +52,12 @@ class Graded:
 
     @property
     def name(self) -> str:
-        """Which of the agent's runs it is."""
+        """Number of the run among the agent's runs, as text."""
         return f"{self.task.lab.name}, seed {self.task.seed}"
 
     @property
     def row(self) -> str:
-        """How a report's page calls it."""
+        """Name of the row in a report's page."""
         return self.task.file
 
     def extra(self) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def grade(
     scheduler: str | None = None,
     groups: Groups | None = None,
 ) -> list[str]:
-    """Do the runs that are missing.
+    """Execute the runs that are missing.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def side_by_side(
     jobs: int,
     keep: Callable[[T, Future[R]], None],
 ) -> None:
-    """Do tasks in threads, so many at a time.
+    """Run tasks in threads, a given number at a time.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def choose(kind: str, image: str | None = None) -> str:
     kind : {"auto", "bwrap", "docker", "none"}
         ``auto``: bwrap if it works here, or none.
     image : str or None
-        Of containers.
+        Image of containers.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def _why_not() -> str | None:
 
 
 def around_run(command: Sequence[str]) -> list[str]:
-    """Put a run, simulator and all, into a network of its own."""
+    """Wrap a run, including its simulator, in a network of its own."""
     return ["bwrap", "--dev-bind", "/", "/", "--unshare-net", "--die-with-parent", "--", *command]
 
 
@@ -112,7 +112,7 @@ def around_agent(
     processes: int,
     readable: Sequence[Path],
 ) -> list[str]:
-    """Put an agent into its sandbox.
+    """Wrap an agent in its sandbox.
 
     Parameters
     ----------
@@ -150,14 +150,14 @@ def around_agent(
 
 
 def _python() -> list[Path]:
-    """Where this Python, its packages and ours are; the rest of a checkout is not for agents."""
+    """Return where this Python, its packages and ours are; agents do not see the rest of a checkout."""
     places = [Path(sys.prefix), Path(sys.base_prefix), Path(sys.executable).resolve().parents[1]]
     places += [ROOT / name for name in ("ciberrato", "agent", "simulator_stub", "maps")]
     return [place for place in places if os.path.exists(place)]  # not one whose folder may not be read
 
 
 def _outermost(places: Sequence[Path]) -> list[Path]:
-    """Leave out what the system's folders, or others of these, hold already."""
+    """Remove folders that lie inside the system's folders or inside others of the list."""
     system = tuple(Path(name) for name in _SYSTEM)
     kept: list[Path] = []
     for place in sorted(set(places)):

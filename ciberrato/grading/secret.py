@@ -46,7 +46,7 @@ def with_secret(course: Course, path: Path) -> Course:
         top.fault(f"seeds: {seed} is in the course already, for all to see; choose another")
     names = [lab.name for lab in (*course.labs, *labs)]
     for name in sorted({name for name in names if names.count(name) > 1}):
-        top.fault(f"lab: the name {name!r} is there more than once, here or in the course")
+        top.fault(f"lab: the name {name!r} occurs more than once, here or in the course")
     if faults:
         raise CourseError(faults)
     return dataclasses.replace(
@@ -55,7 +55,7 @@ def with_secret(course: Course, path: Path) -> Course:
 
 
 def published(course: Course, ranked: Sequence[Standing]) -> tuple[Course, list[Standing]]:
-    """Leave out what is secret, for a report that all may see.
+    """Remove what is secret, for a report that everyone may read.
 
     Places, totals and the points of public labs are those of all runs; hidden labs are one lab, with the mean
     of their points by their weights. Runs in hidden labs, or with hidden seeds, are not there.

@@ -38,7 +38,7 @@ class Standing:
     hidden : int
         Runs that count, too, but are not to be shown.
     commit : str or None
-        Of its files, if a git address named them.
+        Commit of its files, if a git address named them.
     """
 
     __repr__ = short_repr

@@ -54,7 +54,7 @@ class Stream:
         self._limit = limit
 
     def add(self, data: bytes) -> None:
-        """Take some more."""
+        """Append the next bytes."""
         if self.count + len(data) > self._limit:
             # So what is kept does not depend on when the process is stopped.
             data = data[: int(self._limit) + 1 - self.count]
@@ -95,7 +95,7 @@ class Run:
         self._room: float | None = None
 
     def run(self) -> dict[str, Any]:
-        """Do it.
+        """Execute the run.
 
         Returns
         -------
@@ -196,7 +196,7 @@ class Run:
         return self._agent is not None and self._agent.poll() is not None
 
     def _until(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Look on until something is so, at the longest so many seconds and while the simulator runs."""
+        """Wait for a condition, at most so many seconds and only while the simulator runs."""
         until = time.monotonic() + seconds
         while not condition():
             if not self._goes_on() or time.monotonic() > until:
@@ -207,7 +207,7 @@ class Run:
         return True
 
     def _look(self, seconds: float) -> bool:
-        """Take what was written, and hold what the agent uses against its limits."""
+        """Read what was written, and compare what the agent uses with its limits."""
         any_news = self._streams.read(seconds)
         if self._agent is not None and self._stopped is None:
             limits = self._limits
@@ -319,12 +319,12 @@ def last_run(path: str | None) -> dict[str, Any] | None:
 
 
 def main() -> int:
-    """Do the run that standard input asks for."""
+    """Execute the run that standard input describes."""
     return look_after(lambda wanted: Run(wanted).run())
 
 
 def look_after(do: Callable[[dict[str, Any]], dict[str, Any]]) -> int:
-    """Do what a line of standard input asks for, and write what came of it, and its recording.
+    """Execute the request in a line of standard input; write its outcome and its recording.
 
     Parameters
     ----------

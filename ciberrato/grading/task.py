@@ -119,5 +119,5 @@ def _digest(path: Path) -> str:
 
 
 def plain(name: str) -> str:
-    """Turn a name into part of a file's, whatever is in it."""
+    """Convert any name into part of a file's name."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:30] or "x"

@@ -39,7 +39,7 @@ def copy_folder(source: Path, target: Path) -> None:
 
 
 def _left_out(folder: str, names: list[str]) -> set[str]:
-    """Names of a folder that are not copied: those above, and what is neither file, folder nor link."""
+    """Return the names in a folder that are not copied: those above, and special files."""
     odd = set()
     for name in names:
         mode = os.lstat(os.path.join(folder, name)).st_mode

@@ -1,4 +1,4 @@
-"""The viewer's page for an environment: the viewer is told of it as it is told of a simulator."""
+"""The viewer's page for an environment: it is served to the viewer as by a simulator."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ class Window:
         self._stack.enter_context(viewer_beside(f"127.0.0.1:{self.port}", http))
 
     def begin(self, simulation: Simulation) -> None:
-        """Announce to the viewer that another world has begun; it asks for the lab again."""
+        """Announce to the viewer that another world has begun; it requests the lab again."""
         self._simulation = simulation
         self._send(encode(Restart()))
         self._forget_views()
 
     def show(self, simulation: Simulation) -> None:
-        """Answer the viewer, tell it where the robot is, and wait until the next frame is due."""
+        """Answer the viewer, send it the robot's position, and wait until the next frame is due."""
         self._simulation = simulation
         self.answer()
         for status in simulation.statuses():
@@ -65,7 +65,7 @@ class Window:
         time.sleep(self._due - now)
 
     def answer(self) -> None:
-        """Answer what has arrived."""
+        """Answer the messages that have arrived."""
         for data, sender in _arrived(self._main):
             with contextlib.suppress(ProtocolError):
                 if isinstance(decode_registration(data), ViewRegistration):
@@ -76,7 +76,7 @@ class Window:
                     _send(link, message, sender)
 
     def _welcome(self, sender: tuple[str, int]) -> None:
-        """Answer a registration from a port of its own, as simulators do: the viewer tells worlds by it."""
+        """Answer a registration from a port of its own, by which the viewer distinguishes worlds."""
         former = self._views.pop(sender, None)
         if former is not None:
             former.close()
@@ -102,7 +102,7 @@ class Window:
         self._views.clear()
 
     def close(self) -> None:
-        """End the viewer."""
+        """Stop the viewer."""
         self._stack.close()
         self._forget_views()
         self._main.close()
@@ -116,7 +116,7 @@ def _loopback_socket() -> socket.socket:
 
 
 def _arrived(link: socket.socket) -> list[tuple[bytes, tuple[str, int]]]:
-    """Take what has arrived."""
+    """Process what has arrived."""
     taken = []
     for _ in range(_MOST_AT_ONCE):
         try:

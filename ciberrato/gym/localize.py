@@ -27,9 +27,9 @@ NOWHERE_YET = PoseEstimate(x=0.0, y=0.0, heading=0.0, probability=0.0, cell=(0, 
 class Localize(Task):
     """Get to know the pose, from anywhere, in a lab that is known.
 
-    A pose filter (grid localization on the coarse lattice, with the lab of the episode) is told every message
-    and command. The reward is the information that it gains: the entropy that its belief loses in a cycle, as
-    a share of that of a belief that knows nothing; and, when it claims to know the pose, +1 if it is right
+    A pose filter (grid localization on the coarse lattice, with the episode's lab) gets every message and
+    command. The reward is the information gained: the decrease of the belief's entropy in a cycle, as a share
+    of the entropy of the uniform belief; and, when the filter claims to know the pose, +1 if it is right
     (within 0.5 units and 10 degrees), -1 if not. A claim ends the episode; a right one is a success.
     """
 
@@ -48,7 +48,7 @@ class Localize(Task):
         self._most = np.ones(worlds)
 
     def columns(self) -> list[Column]:
-        """Say what the numbers of an observation are."""
+        """Return the names of an observation's numbers."""
         return [
             *super().columns(),
             Column("x of the most probable pose", "units", -1.0, self._size[0] + 1.0),
@@ -60,7 +60,7 @@ class Localize(Task):
         ]
 
     def begin(self, which: Integers, signals: Signals, episodes: Sequence[Episode]) -> None:
-        """Let worlds begin: filters that know nothing are told the first message."""
+        """Begin episodes in some worlds: new filters receive the first message."""
         super().begin(which, signals, episodes)
         for world, episode in zip(which.tolist(), episodes, strict=True):
             pose_filter = GridFilter(episode.lab, _tables(episode.lab), episode.parameters)
@@ -70,7 +70,7 @@ class Localize(Task):
             self._listen(world, signals, None)
 
     def advance(self, signals: Signals, commands: Floats, active: Booleans) -> Outcome:
-        """Judge a cycle."""
+        """Compute rewards and ends after a cycle."""
         reward = np.zeros(self.worlds)
         claims, right = np.zeros(self.worlds, np.bool_), np.zeros(self.worlds, np.bool_)
         for world in np.flatnonzero(active).tolist():
@@ -101,7 +101,7 @@ class Localize(Task):
         self._entropy[world] = pose_filter.belief.entropy_bits() / self._most[world]
 
     def observe(self, signals: Signals) -> NDArray[np.float32]:
-        """Put observations together."""
+        """Return the observations."""
         seen = super().observe(signals)
         summary = [
             (one.x, one.y, math.cos(one.heading), math.sin(one.heading), one.probability)
@@ -113,7 +113,7 @@ class Localize(Task):
         return seen
 
     def close(self) -> None:
-        """Let go of the filters."""
+        """Close the filters."""
         self._filters = [None] * self.worlds
 
 

@@ -34,7 +34,7 @@ class Choices(TypedDict, total=False):
 
 
 def make_task(name: str, worlds: int, choices: Choices) -> tuple[Scenario, Task]:
-    """Make the scenario and the task of an environment.
+    """Create the scenario and the task of an environment.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def make_task(name: str, worlds: int, choices: Choices) -> tuple[Scenario, Task]
         raise UsageError(f"num_envs: {worlds!r:.60} is no positive number of environments")
     if name not in TASKS:
         meant = did_you_mean(name, list(TASKS))
-        raise UsageError(f"no task {name!r}: there are {', '.join(TASKS)}{meant}")
+        raise UsageError(f"unknown task {name!r}; choose one of {', '.join(TASKS)}{meant}")
     unknown = set(choices) - set(Choices.__annotations__)
     if unknown:
         known = ", ".join(Choices.__annotations__)
@@ -76,7 +76,7 @@ def action_space() -> spaces.Space[NDArray[np.float32]]:
 
 
 def powers(actions: object, shape: tuple[int, ...]) -> np.ndarray:
-    """Turn actions into motor commands in units a cycle; actions beyond ±1 are clamped.
+    """Convert actions to motor commands in units per cycle; actions beyond ±1 are clamped.
 
     Raises
     ------

@@ -16,7 +16,7 @@ PIXELS = 20
 _MOST = 800
 _MARGIN = 0.25
 """Units around the lab."""
-# Colours of Okabe and Ito, which colour-blind people can tell apart.
+# Colours of Okabe and Ito, which colour-blind people can distinguish.
 _GROUND, _WALL, _LINE = (255, 255, 255), (60, 60, 60), (200, 200, 200)
 _TARGET, _BEACON, _ROBOT, _NOSE = (0, 158, 115), (230, 159, 0), (0, 114, 178), (255, 255, 255)
 
@@ -54,7 +54,7 @@ class Picture:
         return np.asarray(across * across + up * up <= radius * radius)
 
     def _polygon(self, corners: Floats) -> Booleans:
-        """Pixels inside, by the even-odd rule."""
+        """Return the pixels inside, by the even-odd rule."""
         inside = np.zeros((self._y.size, self._x.size), np.bool_)
         up = self._y[:, np.newaxis]
         for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):

@@ -9,7 +9,7 @@ NAMES = {"Navigate": "navigate", "Localize": "localize", "Circuit": "circuit"}
 
 
 def register_environments() -> None:
-    """Put the environments into Gymnasium's registry, unless they are there."""
+    """Register the environments with Gymnasium, unless they are registered."""
     for name, task in NAMES.items():
         identity = f"ciberrato/{name}-v0"
         if identity not in gymnasium.registry:

@@ -42,7 +42,7 @@ class Episode:
     Attributes
     ----------
     number : int
-        Of the lab in the scenario.
+        Number of the lab in the scenario.
     lab : Lab
     start : (float, float, float)
         x, y in units and direction in degrees.
@@ -133,13 +133,13 @@ class Scenario:
         if "lab" in asked:
             name = asked.pop("lab")
             if name not in self.names:
-                raise UsageError(f"lab: {name!r} is none of {', '.join(self.names)}")
+                raise UsageError(f"lab: {name!r} is not one of {', '.join(self.names)}")
             number = self.names.index(name)
         elif len(self.labs) > 1:
             number = int(generator.integers(len(self.labs)))
         wanted = asked.pop("start", None)
         if asked:
-            raise UsageError(f"options: {', '.join(map(str, asked))}: there are lab and start")
+            raise UsageError(f"options: unknown {', '.join(map(str, asked))}; the options are lab and start")
         start = self._start(number, generator) if wanted is None else _start(wanted)
         parameters = self.parameters
         low, high = self.noise
@@ -162,7 +162,7 @@ class Scenario:
 
 
 def _solid(walls: WallMap) -> WallMap:
-    """Leave out polygons that are too slim for a robot to be inside them without touching their faces."""
+    """Remove polygons that are too slim for a robot to be inside them without touching their faces."""
     across = 2.0 * ROBOT_RADIUS
     roomy = [one for one in walls.polygons if len(one) and np.ptp(one, axis=0).min() >= across]
     return replace(walls, polygons=tuple(roomy))

@@ -60,13 +60,13 @@ class Signals:
 
 
 def of_simulation(simulation: Simulation, measures: Measures, targets: int) -> Signals:
-    """Look at a single simulation with one robot.
+    """Return the signals of a single simulation with one robot.
 
     Parameters
     ----------
     simulation : Simulation
     measures : Measures
-        Of its last cycle.
+        Measures of its last cycle.
     targets : int
         Most targets of a lab.
     """
@@ -89,7 +89,7 @@ def of_simulation(simulation: Simulation, measures: Measures, targets: int) -> S
 
 
 def of_batch(batch: BatchSimulation) -> Signals:
-    """Look at a batch that counts scores."""
+    """Return the signals of a batch that counts scores."""
     readings, scores = batch.readings, batch.scores
     assert scores is not None
     assert readings.score is not None

@@ -65,7 +65,7 @@ class CiberRatoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         **choices: Unpack[Choices],
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode {render_mode!r} is none of {self.metadata['render_modes']}")
+            raise ValueError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
         self.scenario, self.task = make_task(task, 1, choices)
         self.observation_space = observation_space(self.task)
@@ -119,7 +119,7 @@ class CiberRatoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Do one cycle.
+        """Run one cycle.
 
         Parameters
         ----------
@@ -183,7 +183,7 @@ class CiberRatoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._pictures[number].draw(self._simulation.poses()[0])
 
     def close(self) -> None:
-        """End the viewer, if there is one; more calls do no harm."""
+        """Stop the viewer, if there is one; more calls do no harm."""
         window, self._window = self._window, None
         if window is not None:
             window.close()

@@ -99,7 +99,7 @@ class Task:
         self._width = len(self.columns())
 
     def columns(self) -> list[Column]:
-        """Say what the numbers of an observation are."""
+        """Return the names of an observation's numbers."""
         infrared = [Column(f"IR sensor {number}", "1/unit", *self.infrared_bounds) for number in range(4)]
         return [
             *infrared,
@@ -109,22 +109,22 @@ class Task:
         ]
 
     def begin(self, which: Integers, signals: Signals, episodes: Sequence[Episode]) -> None:
-        """Let worlds begin, as many as episodes."""
+        """Begin episodes in some worlds."""
         self._score[which] = 0
 
     def leds(self, signals: Signals) -> Booleans | None:
-        """Say which LEDs are on in the coming cycle, shape (n, 3); None for none ever."""
+        """Return which LEDs are on in the coming cycle, shape (n, 3); None if none ever is."""
         return None
 
     def advance(self, signals: Signals, commands: Floats, active: Booleans) -> Outcome:
-        """Judge a cycle.
+        """Compute rewards and ends after a cycle.
 
         Parameters
         ----------
         signals : Signals
             After it.
         commands : array, shape (n, 2)
-            Of the left and right motors in it, in units a cycle.
+            Commands of the left and right motors in it, in units per cycle.
         active : array of bool, shape (n,)
             Worlds whose outcome counts.
 
@@ -135,7 +135,7 @@ class Task:
         raise NotImplementedError
 
     def observe(self, signals: Signals) -> NDArray[np.float32]:
-        """Put observations together, shape (n, columns)."""
+        """Return the observations, shape (n, columns)."""
         seen = np.empty((self.worlds, self._width), np.float32)
         np.clip(signals.infrared, *self.infrared_bounds, out=seen[:, :4], casting="same_kind")
         heading = signals.compass.astype(np.int64) + 180
@@ -145,7 +145,7 @@ class Task:
         return seen
 
     def close(self) -> None:
-        """Let go of what the task holds."""
+        """Close what the task holds."""
 
 
 class Navigate(Task):
@@ -164,7 +164,7 @@ class Navigate(Task):
         self._home = np.zeros((worlds, 2))
 
     def columns(self) -> list[Column]:
-        """Say what the numbers of an observation are."""
+        """Return the names of an observation's numbers."""
         return [
             *super().columns(),
             Column("ground: number of the target below", "-1 for none", -1.0, max(self.targets - 1.0, 0.0)),
@@ -172,14 +172,14 @@ class Navigate(Task):
         ]
 
     def begin(self, which: Integers, signals: Signals, episodes: Sequence[Episode]) -> None:
-        """Let worlds begin."""
+        """Begin episodes in some worlds."""
         super().begin(which, signals, episodes)
         targets = np.array([len(episode.lab.targets) for episode in episodes])
         self._score[which] = TARGET_REWARD * (1 + targets)
         self._home[which] = np.array([episode.start[:2] for episode in episodes])
 
     def leds(self, signals: Signals) -> Booleans | None:
-        """Work the LEDs."""
+        """Return the LEDs of the coming cycle."""
         lit = np.zeros((self.worlds, 3), np.bool_)
         visited = signals.visited
         assert visited is not None
@@ -194,13 +194,13 @@ class Navigate(Task):
         return lit
 
     def advance(self, signals: Signals, commands: Floats, active: Booleans) -> Outcome:
-        """Judge a cycle."""
+        """Compute rewards and ends after a cycle."""
         reward = (self._score - signals.score) / TARGET_REWARD
         self._score = signals.score.copy()
         return Outcome(reward, signals.finished, signals.finished)
 
     def observe(self, signals: Signals) -> NDArray[np.float32]:
-        """Put observations together."""
+        """Return the observations."""
         seen = super().observe(signals)
         visited = signals.visited
         assert visited is not None
@@ -230,7 +230,7 @@ class Circuit(Task):
         self._round = np.zeros(worlds)
 
     def begin(self, which: Integers, signals: Signals, episodes: Sequence[Episode]) -> None:
-        """Let worlds begin."""
+        """Begin episodes in some worlds."""
         super().begin(which, signals, episodes)
         self._reached[which] = 0.0
         self._round[which] = [
@@ -238,10 +238,10 @@ class Circuit(Task):
         ]
 
     def advance(self, signals: Signals, commands: Floats, active: Booleans) -> Outcome:
-        """Judge a cycle."""
+        """Compute rewards and ends after a cycle."""
         reward = (signals.score - self._score) / NODE_REWARD
         self._score = signals.score.copy()
-        # A cell is worth more than a collision costs, so what is gained tells that one was reached.
+        # A cell is worth more than a collision costs, so the gain shows that one was reached.
         self._reached += reward > 0.0
         return Outcome(reward, np.zeros(self.worlds, np.bool_), self._reached >= self._round)
 

@@ -77,7 +77,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         **choices: Unpack[Choices],
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode {render_mode!r} is none of {self.metadata['render_modes']}")
+            raise ValueError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -133,7 +133,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observations, dict[str, Any]]:
-        """Let environments begin an episode.
+        """Begin an episode in every environment, or in those of a mask.
 
         Parameters
         ----------
@@ -146,9 +146,9 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         Returns
         -------
         observations : array, shape (num_envs, columns)
-            Of all, those that go on included.
+            Observations of all, those that go on included.
         infos : dict
-            Of those that begin.
+            Infos of those that begin.
         """
         seeds: Sequence[int | None]
         if seed is None or isinstance(seed, int | np.integer):
@@ -214,7 +214,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         self.task.begin(which, self._signals, episodes)
 
     def step(self, actions: ArrayLike) -> Step:
-        """Do one cycle in all environments.
+        """Run one cycle in all environments.
 
         Parameters
         ----------
@@ -261,7 +261,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
     def _begin_at_once(
         self, observations: Observations, infos: dict[str, Any]
     ) -> tuple[Observations, dict[str, Any]]:
-        """Let environments that are done begin, and keep what they ended with."""
+        """Begin new episodes where one is over, and keep the last observations."""
         ended = self._done.copy()
         final = np.full(self.num_envs, None, object)
         for world in np.flatnonzero(ended).tolist():
@@ -302,7 +302,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         )
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let go of the worlds."""
+        """Close the worlds."""
         self._batch = None
         # Older versions of Gymnasium close what was refused before it was made, too.
         task = getattr(self, "task", None)
@@ -311,7 +311,7 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
 
 
 def _infos(values: dict[str, NDArray[Any]], mask: Booleans) -> dict[str, Any]:
-    """Put infos together: arrays, 0 where the mask is not set, and the mask of each beside it."""
+    """Combine infos into arrays, 0 where the mask is not set, each with its mask beside it."""
     infos: dict[str, Any] = {}
     for name, array in values.items():
         infos[name] = array.copy() if mask.all() else np.where(mask, array, np.zeros((), array.dtype))

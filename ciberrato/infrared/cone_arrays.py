@@ -20,7 +20,7 @@ _ROUNDS = (0, 3, 6, 12, LONGEST)
 def many_cone_distances(
     tables: LabTables, x: Floats, y: Floats, direction: Floats, cosine: Floats, sine: Floats
 ) -> Floats:
-    """Distances that sensors take.
+    """Compute the distances that sensors measure.
 
     Parameters
     ----------

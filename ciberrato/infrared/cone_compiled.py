@@ -98,7 +98,7 @@ def _nearer(faces, face, nearest, x, y, cosine, sine):
 
 @_jit
 def wrap(angle):
-    """Take at most one turn off an angle; as `ciberrato.geometry.angles.wrap_once`."""
+    """Wrap an angle by at most one turn; as `ciberrato.geometry.angles.wrap_once`."""
     if angle > math.pi:
         return angle - _TURN
     if angle < -math.pi:

@@ -33,7 +33,7 @@ IN_LINE = 1e-9
 
 
 def cone_distances(walls: WallMap, x: Floats, y: Floats, direction: Floats, *, every_point: bool) -> Floats:
-    """Distance of the nearest wall in each sensor's cone.
+    """Compute the distance of the nearest wall in each sensor's cone.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def cone_distances(walls: WallMap, x: Floats, y: Floats, direction: Floats, *, e
 
 
 def _boxes_meet(sensors: Floats, reach: float, low: Floats, high: Floats) -> Booleans:
-    """Which faces' boxes meet that of the first `reach` units of each sensor's cone; shape (n, faces)."""
+    """Return which faces' boxes meet that of each sensor's cone up to `reach` units; shape (n, faces)."""
     x, y, cosine, sine = sensors
     left_cosine, left_sine = cosine * _COS - sine * _SIN, sine * _COS + cosine * _SIN
     right_cosine, right_sine = cosine * _COS + sine * _SIN, sine * _COS - cosine * _SIN
@@ -101,7 +101,7 @@ def _boxes_meet(sensors: Floats, reach: float, low: Floats, high: Floats) -> Boo
 
 
 def _closeness(walls: WallMap, sensors: Floats, near: Booleans, every_point: bool) -> Floats:
-    """One over the distance; 0 where nothing is seen, nan where the sensor lies on a face; shape (n,)."""
+    """Compute 1/distance; 0 where nothing is seen, nan where the sensor lies on a face; shape (n,)."""
     n, faces = near.shape
     pair = np.flatnonzero(near)
     sensor = pair // max(faces, 1)
@@ -147,7 +147,7 @@ def _closeness(walls: WallMap, sensors: Floats, near: Booleans, every_point: boo
 
 
 def _add_feet(closeness: Floats, length: Floats, along: Floats, ve: Floats, inverse: Floats) -> None:
-    """Let the foot of the perpendicular on each face count, where it is on the face and in the cone."""
+    """Add the foot of the perpendicular on each face, where it is on the face and in the cone."""
     on_face = (along <= 0.0) & (along >= -length * length)
     # The foot lies at right angles to the face, on the side that the sign of the area says.
     in_cone = ve * np.sign(inverse) >= _COS * length

@@ -27,7 +27,7 @@ _TURN = 2 * pi
 def single_cone_distances(
     walls: WallMap, x: float, y: float, directions: Iterable[float], offset: float
 ) -> list[float]:
-    """Distances that sensors take: the least of three rays and of the corners in the cone of each.
+    """Compute the distances that sensors measure: the least of three rays and of the corners in each cone.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def single_cone_distances(
 
 
 def _nearest(faces: Sequence[Seen], x: float, y: float, cosine: float, sine: float) -> float:
-    """Distance of the nearest of some faces that come nearest first; -1 if the sensor lies on one."""
+    """Return the distance of the nearest of faces sorted by distance; -1 if the sensor lies on one."""
     nearest = beyond = inf
     for bound, x0, y0, ex, ey, length in faces:
         if bound >= nearest:

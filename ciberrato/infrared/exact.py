@@ -22,7 +22,7 @@ CLOSE = 1e-9
 
 
 def exact_distance(walls: WallMap, x: float, y: float, direction: float, offset: float) -> float:
-    """Distance that a sensor takes, by the arithmetic of the real simulator; slow.
+    """Compute the distance that a sensor measures, by the arithmetic of the real simulator; slow.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ class LabTables:
         self.touched_count = np.concatenate((self.touched_count, np.zeros(more, np.int64)))
 
     def _add(self, flat: Integers) -> None:
-        """Make entries for squares, given by their places in the flattened `row_of`."""
+        """Create entries for squares, given by their places in the flattened `row_of`."""
         if self._rows + flat.size > self.touched_count.size:
             self._make_room(2 * (self._rows + flat.size))
         chunk = max(1, _CHUNK // (SECTORS * max(1, len(self.faces))))
@@ -124,7 +124,7 @@ class LabTables:
 
 @lru_cache(maxsize=16)
 def tables_of(walls: WallMap) -> LabTables:
-    """Make the tables for walls, or give those that were made for the same ones."""
+    """Return the tables for walls, created at the first call for these walls."""
     return LabTables(walls)
 
 

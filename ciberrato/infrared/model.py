@@ -47,7 +47,7 @@ HALF_STEP = 0.05
 
 
 def sensor_distances(walls: WallMap, x: ArrayLike, y: ArrayLike, direction: ArrayLike) -> Floats:
-    """Distance that an IR sensor takes: the least of three rays and of the corners in its cone.
+    """Compute the distance that an IR sensor measures: the least of three rays and the corners in its cone.
 
     The rays go along the axis and along both edges of the cone. A corner in the cone counts even if it is
     hidden behind a wall, as in the real simulator.
@@ -70,7 +70,7 @@ def sensor_distances(walls: WallMap, x: ArrayLike, y: ArrayLike, direction: Arra
 
 
 def nearest_in_cone(walls: WallMap, x: ArrayLike, y: ArrayLike, direction: ArrayLike) -> Floats:
-    """Distance of the nearest wall point anywhere in the sensor's cone of 60 degrees.
+    """Compute the distance of the nearest wall point anywhere in the sensor's cone of 60 degrees.
 
     Parameters and result are those of `sensor_distances`, which it never exceeds, and which it equals where
     walls and sensor are aligned. A sensor that lies on a face is at distance 0.
@@ -92,7 +92,7 @@ def _cone_distances(
 
 
 def distances_at(walls: WallMap, x: float, y: float, directions: Iterable[float]) -> list[float]:
-    """Distances that the sensors of one robot take: `sensor_distances`, fast for a handful of sensors.
+    """Compute the distances that one robot's sensors measure: `sensor_distances`, fast for a few sensors.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def distances_at(walls: WallMap, x: float, y: float, directions: Iterable[float]
 
 
 def other_robot_distance(x: float, y: float, direction: float, other_x: float, other_y: float) -> float:
-    """Distance at which an IR sensor sees another robot, a disc that no wall hides.
+    """Compute the distance at which an IR sensor sees another robot, a disc that no wall hides.
 
     With D and δ the distance and the angle off the axis of the other's centre: D - r within the cone; up to
     asin(r/D) beside it, the distance of the disc along the edge of the cone.
@@ -150,7 +150,7 @@ def ideal_reading(distance: float) -> float: ...
 @overload
 def ideal_reading(distance: Floats | Sequence[float]) -> Floats: ...
 def ideal_reading(distance: ArrayLike) -> float | Floats:
-    """Turn a distance into the reading of a sensor without noise and rounding: 1/distance, saturated.
+    """Convert a distance to the reading of a sensor without noise and rounding: 1/distance, saturated.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def round_reading(value: ArrayLike) -> float | Floats:
 
 
 def reading_log_likelihood(reading: ArrayLike, ideal: ArrayLike, sigma: ArrayLike) -> Floats:
-    """Logarithm of the probability that a sensor reports a reading.
+    """Compute the logarithm of the probability that a sensor reports a reading.
 
     The sensor adds Gaussian noise to its ideal reading and rounds the sum to 0.1, so the report r has the
     probability that the sum falls in [r - 0.05, r + 0.05).
@@ -199,7 +199,7 @@ def reading_log_likelihood(reading: ArrayLike, ideal: ArrayLike, sigma: ArrayLik
     Parameters
     ----------
     reading : array_like
-        What the sensor reported.
+        Reported reading.
     ideal : array_like
         `ideal_reading` of the distance.
     sigma : array_like
@@ -225,7 +225,7 @@ def reading_log_likelihood(reading: ArrayLike, ideal: ArrayLike, sigma: ArrayLik
 
 
 def cell_centres(lab: Lab) -> Floats:
-    """Centres of all cells of a lab.
+    """Return the centres of all cells of a lab.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def cell_readings(
     model: Literal["sensor", "cone"] = "sensor",
     offsets: ArrayLike | None = None,
 ) -> Floats:
-    """Ideal readings of a robot at the centre of every cell.
+    """Compute the ideal readings of a robot at the centre of every cell.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def cell_readings(
 
 
 def cell_openings(lab: Lab) -> tuple[Booleans, Booleans]:
-    """Between which neighbouring cells a robot can drive from centre to centre.
+    """Return between which neighbouring cells a robot can drive from centre to centre.
 
     Parameters
     ----------

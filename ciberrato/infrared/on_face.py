@@ -23,7 +23,7 @@ _HALF_APERTURE = math.pi / 6
 
 
 def distance_by_angles(walls: NearbyFaces, x: float, y: float, direction: float) -> float:
-    """Distance that the real sensor takes: the least of three rays and of the corners in its cone.
+    """Compute the distance that the real sensor measures, the least of three rays and corners in the cone.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def distance_by_angles(walls: NearbyFaces, x: float, y: float, direction: float)
 
 
 def ray_distance_by_angles(walls: NearbyFaces, x: float, y: float, angle: float) -> float:
-    """Distance along one ray to the nearest wall, by the same rules.
+    """Compute the distance along one ray to the nearest wall, by the same rules.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def ray_distance_by_angles(walls: NearbyFaces, x: float, y: float, angle: float)
 
 
 def _aside(one: float, other: float) -> float:
-    """Angle between two directions; below 0 if one of them is beyond ±π, so that it is within any other."""
+    """Compute the angle between two directions; below 0 if one is beyond ±π, to be within any other."""
     aside = abs(one - other)
     return 2 * math.pi - aside if aside > math.pi else aside
 
@@ -106,7 +106,7 @@ def _between(angle: float, one: float, other: float) -> bool:
 def _crossing(
     x: float, y: float, angle: float, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[float, float] | None:
-    """Where the line through a point at an angle crosses the line through two others; None if nowhere."""
+    """Compute where the line through a point at an angle crosses that through two others; None if nowhere."""
     if x0 == x1:
         return None if angle == _QUARTER else (x0, y + math.tan(angle) * (x0 - x))
     slope = (y1 - y0) / (x1 - x0)

@@ -65,7 +65,7 @@ def _least_ray(walls: WallMap, places: Floats, direction: float) -> Floats:
 
 
 def _rays(walls: WallMap, sensors: Floats, direction: float) -> Floats:
-    """Distance to the first face along parallel rays; sensors on a face see it."""
+    """Compute the distance to the first face along parallel rays; sensors on a face see it."""
     ray = np.array([math.cos(direction), math.sin(direction)])
     normal = np.array([-ray[1], ray[0]])
     along, across = sensors @ ray, sensors @ normal
@@ -98,7 +98,7 @@ def _apply_corners(
     table: Floats,
     progress: Callable[[float], None] | None,
 ) -> None:
-    """Put in the nearest corner in the cone where it is nearer than the rays."""
+    """Apply the nearest corner in the cone where it is nearer than the rays."""
     offset_x, offset_y = SENSOR_OFFSET * np.cos(directions), SENSOR_OFFSET * np.sin(directions)
     cosine, sine = np.cos(directions)[:, np.newaxis], np.sin(directions)[:, np.newaxis]
     tangent = math.tan(HALF_APERTURE)

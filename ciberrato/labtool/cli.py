@@ -18,7 +18,7 @@ PROGRAM = "ciberrato-lab"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make, draw or check labs.
+    """Generate, draw or check labs.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _new(options: argparse.Namespace) -> int:
     paths = [Path(f"{output}_{kind}.xml") for kind in ("lab", "grid")]
     for path in paths:
         if path.exists() and not options.force:
-            raise UsageError(f"{path}: is there already; name another -o, or say --force")
+            raise UsageError(f"{path}: already exists; name another -o, or use --force")
     if options.png is not None:
         from agent.views.figures.canvas import figure_kind
 
@@ -191,74 +191,90 @@ class _CommandParser(ProgramParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = ProgramParser(PROGRAM, "Make, draw and check labs, start grids and parameter files.")
+    parser = ProgramParser(PROGRAM, "Generate, draw and check labs, start grids and parameter files.")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_CommandParser)
 
     check = commands.add_parser(
         "check",
-        help="say what the simulator would silently take for something else",
-        description="Say what the simulator would silently take for something else than was meant.",
+        help="report what the simulator would silently read as something else",
+        description="Report what the simulator would silently read as something else than was meant.",
     )
     check.add_argument(
-        "files", nargs="+", metavar="FILE", help="labs, start grids, parameters; grids go with their lab"
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help="labs, start grids, parameter files; list a grid with its lab",
     )
-    check.add_argument("--strict", action="store_true", help="exit status 2 where there are warnings")
-    check.add_argument("--no-notes", action="store_true", help="leave out what is only good to know")
-    check.add_argument("--json", action="store_true", help="for programs")
-    check.add_argument("--png", type=Path, metavar="FILE", help="draw the lab, the findings marked")
+    check.add_argument("--strict", action="store_true", help="exit with status 2 if there are warnings")
+    check.add_argument("--no-notes", action="store_true", help="leave out the notes")
+    check.add_argument("--json", action="store_true", help="print the findings as JSON")
+    check.add_argument("--png", type=Path, metavar="FILE", help="draw the lab with the findings marked")
     check.set_defaults(run=_check)
 
     draw = commands.add_parser("draw", help="draw a lab", description="Draw a lab.")
-    draw.add_argument("lab", metavar="LAB", help="a file, or the name of one that ships")
-    draw.add_argument("--grid", metavar="GRID", help="draw its start positions, too")
+    draw.add_argument("lab", metavar="LAB", help="file, or name of a lab that ships")
+    draw.add_argument("--grid", metavar="GRID", help="draw the start positions of this start grid, too")
     draw.add_argument(
-        "-o", "--output", type=Path, default=Path("lab.png"), metavar="FILE", help="default: lab.png"
+        "-o", "--output", type=Path, default=Path("lab.png"), metavar="FILE", help="picture; default: lab.png"
     )
     draw.set_defaults(run=_draw)
 
     new = commands.add_parser(
         "new",
-        help="make a lab and a start grid",
-        description="Make a lab and its start grid: empty, or with --random a maze or free polygons.",
+        help="generate a lab and a start grid",
+        description="Generate a lab and its start grid: empty, or with --random a maze or free polygons.",
     )
     new.add_argument(
-        "--random", action="store_true", help="with walls; otherwise empty, its rows ready to be drawn in"
+        "--random",
+        action="store_true",
+        help="generate walls; default: an empty lab, ready for walls to be drawn in",
     )
-    new.add_argument("--seed", type=_count, metavar="N", help="of all random numbers; default: a fresh one")
+    new.add_argument("--seed", type=_count, metavar="N", help="seed of all random numbers; default: random")
     new.add_argument(
-        "--size", type=_size, default=(14, 7), metavar="COLUMNSxROWS", help="cells; default: 14x7"
+        "--size", type=_size, default=(14, 7), metavar="COLUMNSxROWS", help="size in cells; default: 14x7"
     )
     new.add_argument(
-        "--loops", type=_share, default=0.15, metavar="P", help="share of walls taken away; default: 0.15"
+        "--loops", type=_share, default=0.15, metavar="P", help="share of walls removed; default: 0.15"
     )
     new.add_argument(
         "--dead-ends", type=_share, default=1.0, metavar="P", help="share of dead ends kept; default: 1"
     )
     new.add_argument(
-        "--polygons", type=_share, metavar="P", help="free polygons, that dense, instead of cell walls"
+        "--polygons",
+        type=_share,
+        metavar="P",
+        help="generate free polygons of this density instead of cell walls",
     )
-    new.add_argument("--starts", type=_count, default=1, metavar="N", help="start positions; default: 1")
     new.add_argument(
-        "--targets", type=_count, default=1, metavar="N", help="targets with a beacon each; default: 1"
+        "--starts", type=_count, default=1, metavar="N", help="number of start positions; default: 1"
     )
-    new.add_argument("--symmetric", action="store_true", help="the same turned by half a turn")
-    new.add_argument("--name", help="of the lab; default: that of the file")
+    new.add_argument(
+        "--targets",
+        type=_count,
+        default=1,
+        metavar="N",
+        help="number of targets, each with a beacon; default: 1",
+    )
+    new.add_argument(
+        "--symmetric", action="store_true", help="generate a lab that looks the same after half a turn"
+    )
+    new.add_argument("--name", help="name of the lab; default: that of the file")
     new.add_argument(
         "-o",
         "--output",
         metavar="NAME",
-        help="writes NAME_lab.xml and NAME_grid.xml; default: random, or empty without --random",
+        help="write NAME_lab.xml and NAME_grid.xml; default: random, or empty without --random",
     )
-    new.add_argument("--png", type=Path, metavar="FILE", help="draw it, too")
-    new.add_argument("--force", action="store_true", help="write over files that are there")
+    new.add_argument("--png", type=Path, metavar="FILE", help="draw the lab, too")
+    new.add_argument("--force", action="store_true", help="overwrite existing files")
     new.set_defaults(run=_new)
 
     schema = commands.add_parser(
         "schema",
         help="print the RELAX NG schema of a kind of file, for editors",
-        description="Print the RELAX NG schema of a kind of file, for editors that check while one types.",
+        description="Print the RELAX NG schema of a kind of file, for editors that check as you type.",
     )
     schema.add_argument("kind", choices=("lab", "grid", "parameters"))
-    schema.add_argument("--path", action="store_true", help="print where it is instead")
+    schema.add_argument("--path", action="store_true", help="print the path of the schema instead")
     schema.set_defaults(run=_schema)
     return parser

@@ -80,7 +80,7 @@ class Made:
 
 
 def random_lab(order: Order, seed: int) -> Made:
-    """Make a random lab.
+    """Generate a random lab.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def random_lab(order: Order, seed: int) -> Made:
 
 
 def empty_lab(order: Order) -> Made:
-    """Make a lab without walls, its rows ready to be drawn in."""
+    """Create a lab without walls, its rows ready to be drawn in."""
     check_order(order)
     lab = Lab(name=order.name, width=CELL_SIZE * order.columns, height=CELL_SIZE * order.rows)
     patterns = row_patterns(all_doors(order.rows, order.columns), order.rows, order.columns)

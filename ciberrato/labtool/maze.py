@@ -106,7 +106,7 @@ def _neighbours(cell: Cell, rows: int, columns: int) -> list[Cell]:
 
 
 def all_doors(rows: int, columns: int) -> set[Door]:
-    """All pairs of neighbours: the doors of a lab without walls."""
+    """Return all pairs of neighbours: the doors of a lab without walls."""
     cells = [(row, column) for row in range(rows) for column in range(columns)]
     return {_door(cell, other) for cell in cells for other in _neighbours(cell, rows, columns)}
 

@@ -104,7 +104,7 @@ def _line(number: int, text: str) -> str:
 
 
 def draw_track(lab: Lab, path: Path, poses: Sequence[tuple[float, float]], title: str) -> None:
-    """Draw a lab and the way that a robot has gone through it, from blue to yellow.
+    """Draw a lab and the path that a robot has driven through it, from blue to yellow.
 
     Parameters
     ----------

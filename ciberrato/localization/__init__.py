@@ -26,7 +26,7 @@ __all__ = ["Estimate", "FilterSettings", "PoseEstimate", "PoseFilter", "StartPri
 
 
 def __getattr__(name: str) -> object:
-    """Load a name when it is first asked for (PEP 562): modules inside are imported without the others."""
+    """Load a name at its first use (PEP 562): modules inside are imported without the others."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     import importlib

@@ -61,7 +61,7 @@ def cell_beliefs(
     history : sequence of (Measures, command)
         All messages, each with the command in effect before it.
     start : {"anywhere", "centres"}
-        What is possible at the start.
+        Prior of the start.
     smooth : bool
         Whether every block is to use the whole run. A run in which the filter had to start anew is
         smoothed from its last new start on; before that it is filtered.
@@ -111,7 +111,7 @@ def cell_beliefs(
 
 
 def _entries(found: list[PoseEstimate]) -> list[int]:
-    """Numbers of the first message, and of those at which the robot has entered another cell."""
+    """Return the numbers of the first message and of those at which the robot has entered another cell."""
     numbers = [0]
     cell = found[0].cell if found[0].certain else None
     for number, pose in enumerate(found):
@@ -140,7 +140,7 @@ def _moment(pose_filter: GridFilter) -> _Moment:
 
 
 def _look_up(belief: PoseBelief, x: Floats, y: Floats, heading: Floats) -> Floats:
-    """Weights of the states nearest to some poses."""
+    """Return the weights of the states nearest to some poses."""
     lattice = belief.lattice
     if belief.dense is None:
         table = np.zeros((belief.bins, lattice.size + 1))

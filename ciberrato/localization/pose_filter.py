@@ -1,4 +1,4 @@
-"""The pose filter for any program: told every message and command, it says where the robot is.
+"""The pose filter for any program: from every message and command it estimates the pose.
 
 Markov localization on a grid over (x, y, heading), refined by particles (Thrun, Burgard, Fox, *Probabilistic
 Robotics*, sections 8.2 and 8.3). The lab's tables of expected readings are read from the user's cache, or
@@ -47,18 +47,18 @@ class Estimate:
     time : int or None
         Simulated cycles, of the newest message; None before the first.
     x, y : float
-        Units from the lab's lower left corner; nan until the coarse tables are there.
+        Units from the lab's lower left corner; nan until the coarse tables are ready.
     heading : float
         Radians within ±π, 0 along x, counter-clockwise; nan likewise.
     probability : float
-        Of all poses within 0.5 units and 10 degrees of this one; 0 until the coarse tables are there.
+        Probability of all poses within 0.5 units and 10 degrees; 0 until the coarse tables are ready.
     certain : bool
         The filter's claim to know the pose: a probability above 0.95.
     modes : tuple of PoseEstimate
         All poses that the belief is gathered around, the most probable first, each with its probability:
         eight at most. Empty until the coarse tables are there.
     entropy : float
-        Of the belief over all states, in bits; nan until the coarse tables are there.
+        Entropy of the belief over all states, in bits; nan until the coarse tables are ready.
     behind : int
         Messages that are not weighed yet, for lack of time or tables; dead reckoning stands in for them.
     """
@@ -91,7 +91,7 @@ class PoseFilter:
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees, counter-clockwise from the front.
     start : str or StartPrior
-        What is possible at the start: "anywhere", "centres" (of cells, four headings), "centres:DEGREES",
+        Prior of the start: "anywhere", "centres" (of cells, four headings), "centres:DEGREES",
         "X,Y" or "X,Y,DEGREES".
     settings : FilterSettings, optional
         On the fine lattice.
@@ -171,7 +171,7 @@ class PoseFilter:
     # --- tables -----------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin to fetch the tables, unless that has begun."""
+        """Start to fetch the tables, unless that has begun."""
         if self._closed:
             raise ValueError("the pose filter is closed")
         if not self._started:
@@ -208,7 +208,7 @@ class PoseFilter:
         return True
 
     def close(self) -> None:
-        """End the processes and threads that fetch tables; more calls do no harm.
+        """Stop the processes and threads that fetch tables; more calls do no harm.
 
         What is known stays: with the coarse tables there, messages can still be observed.
         """
@@ -232,7 +232,7 @@ class PoseFilter:
     # --- messages ---------------------------------------------------------------------------------------
 
     def observe(self, measures: Measures, command: Command | None = None) -> Estimate:
-        """Take in a message and return where the robot is.
+        """Process a message and return the estimate of the pose.
 
         Call it with every message, in order, from the first one on or from any later one. Cycles whose
         message never came are made up for by the command; sensors that a message lacks (None) say nothing. A
@@ -242,7 +242,7 @@ class PoseFilter:
         ----------
         measures : Measures
         command : (float, float) or None
-            Left and right motor command in force in the cycles before this message, in units a cycle: the
+            Left and right motor command in force in the cycles before this message, in units per cycle: the
             last one sent before it came. None: none was sent yet.
 
         Returns
@@ -259,7 +259,7 @@ class PoseFilter:
         return self.estimate()
 
     def feed(self, measures: Measures, command: Command | None = None) -> None:
-        """Take in a message as `observe` does, without working out the estimate."""
+        """Process a message as `observe` does, without computing the estimate."""
         if not isinstance(measures, Measures):
             raise TypeError(f"measures: {measures!r:.60} is not a Measures")
         if command is not None and not _is_command(command):
@@ -283,7 +283,7 @@ class PoseFilter:
         self.live.observe(measures, command)
 
     def estimate(self) -> Estimate:
-        """Return where the robot is, as far as the messages so far tell."""
+        """Return the estimate of the pose, given the messages so far."""
         found, grid = self.live.estimate(), self.live.filter
         if found is None or grid is None:
             return Estimate(
@@ -330,7 +330,7 @@ class PoseFilter:
         return np.column_stack((x, y, short_turns(belief.headings()[bins]))), masses / masses.sum()
 
     def reset(self) -> None:
-        """Forget all messages, and begin anew with the same lab, parameters and start."""
+        """Reset the filter: forget all messages; lab, parameters and start stay the same."""
         self._time = None
         self.live = self._begin(self._prior)
 

@@ -9,7 +9,7 @@ from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import BeaconReading, Measures
 from ciberrato.reprs import short_repr
 
-"""Left and right motor command, units a cycle."""
+"""Left and right motor command, units per cycle."""
 Input = tuple[Measures, Command | None]
 """A message, and the command in effect since the one before."""
 

@@ -9,7 +9,7 @@ from ciberrato.errors import UsageError
 DEFAULT_HOST = "127.0.0.1"
 """This machine."""
 DEFAULT_PORT = 6000
-"""The simulator's main port, over UDP and TCP, unless it was told otherwise."""
+"""The simulator's main port, over UDP and TCP, by default."""
 TOKEN_VARIABLE = "CIBERRATO_VIEW_TOKEN"
 """Of the environment: what views show to a simulator, so that it need not stand in a command line."""
 
@@ -52,7 +52,7 @@ def parse_address(text: str, default_port: int = DEFAULT_PORT) -> tuple[str, int
 
 
 def resolve(host: str, port: int) -> tuple[str, int]:
-    """Look a host up, once and for all.
+    """Resolve a host name, once only.
 
     Parameters
     ----------

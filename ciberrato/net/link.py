@@ -25,7 +25,7 @@ class Arrival(NamedTuple):
         With its terminator.
     time : float or None
         Seconds by the system's clock (`time.time`) at which this machine had it, however late it was taken;
-        None where the network does not tell.
+        None where the network does not report it.
     """
 
     data: bytes
@@ -74,7 +74,7 @@ class Link(Protocol):
         LinkError
             If no peer has answered yet, or this machine cannot send at all.
         LinkClosedError
-            If the connection is gone (TCP only; UDP cannot tell).
+            If the connection is gone (TCP only; UDP cannot detect it).
         """
 
     def receive(self, timeout: float | None) -> bytes | None:
@@ -83,7 +83,7 @@ class Link(Protocol):
         Parameters
         ----------
         timeout : float or None
-            Seconds; None waits for ever, 0 not at all.
+            Seconds; None waits without limit, 0 not at all.
 
         Returns
         -------
@@ -106,7 +106,7 @@ class Link(Protocol):
         """
 
     def receive_arrivals(self) -> list[Arrival]:
-        """As `receive_waiting`, with the time of each message's arrival.
+        """Receive messages as `receive_waiting` does, with the time of each message's arrival.
 
         Raises
         ------
@@ -122,4 +122,4 @@ class Link(Protocol):
         """
 
     def close(self) -> None:
-        """Close; again is harmless."""
+        """Close the link; closing again is harmless."""

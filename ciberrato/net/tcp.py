@@ -22,7 +22,7 @@ _MOST_AT_ONCE = 100
 class TcpLink:
     """A client's link over TCP, to a simulator that offers it (the real one does not).
 
-    `register` connects; the connection then carries everything. `LinkClosedError` tells its end from silence.
+    `register` connects; the connection then carries everything. `LinkClosedError` is its end, not silence.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class TcpLink:
         self.close()
 
     def _take_over(self, connection: socket.socket | None) -> None:
-        """Begin with another connection, or none."""
+        """Replace the connection by another one, or none."""
         self._socket.close()
         self._connected = connection is not None
         self._answered = False
@@ -164,7 +164,7 @@ class TcpLink:
         return connection
 
     def _read(self) -> bool:
-        """Take one segment; False if there is none."""
+        """Read one segment; return False if there is none."""
         if not self._connected:
             return False
         try:
@@ -187,5 +187,5 @@ class TcpLink:
 
 
 def _placeholder() -> socket.socket:
-    """Make a socket that never becomes readable; an unconnected TCP one would always be."""
+    """Create a socket that never becomes readable; an unconnected TCP one would always be."""
     return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -118,7 +118,7 @@ class UdpLink:
         self.close()
 
     def _take(self) -> bytes | None:
-        """Take one datagram; None if there is none or it is a stranger's."""
+        """Receive one datagram; None if there is none or it comes from a stranger."""
         try:
             data, sender = self._socket.recvfrom(65535)
         except (BlockingIOError, ConnectionError):

@@ -11,7 +11,7 @@ VERSION = 1
 """Version of the format; a viewer refuses others."""
 
 OVERLAY_PORT = 6001
-"""UDP port on which a viewer listens unless it was told otherwise."""
+"""UDP port on which a viewer listens by default."""
 
 MOST_BYTES = 65507
 """The longest UDP datagram."""
@@ -218,7 +218,7 @@ class OverlayMessage:
     time : int or None
         Simulated cycles, from the Measures that it follows from; None = whenever it arrives.
     angles : tuple of four float, or None
-        Mounting angles of the robot's IR sensors in degrees: the simulator does not tell viewers.
+        Mounting angles of the robot's IR sensors in degrees: the simulator does not send them to viewers.
     belief : GridBelief or None
     shapes : tuple of Shape
     remove : tuple of str

@@ -69,7 +69,7 @@ def _moves_towards(pose: Pose, other: Pose, speed: float) -> bool:
 
 
 def settle(pose: Pose, wanted: Pose, collides: bool) -> Pose:
-    """Pose after the cycle: a robot that collides keeps its place, but turns as it wanted to.
+    """Return the pose after the cycle: a robot that collides keeps its position, but turns as commanded.
 
     Parameters
     ----------

@@ -17,24 +17,24 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_POWER = 0.15
-"""Greatest motor command, in units a cycle."""
+"""Greatest motor command, in units per cycle."""
 
 ROBOT_RADIUS = 0.5
 """Units; the distance between the wheels is twice that."""
 
 Number = TypeVar("Number", float, "NDArray[np.float64]")
 Command = tuple[float, float]
-"""Of the left and the right motor, in units a cycle."""
+"""Of the left and the right motor, in units per cycle."""
 STANDSTILL: Command = (0.0, 0.0)
 
 
 def clamp_power(command: Number) -> Number:
-    """Motor command as the simulator takes it.
+    """Clamp a motor command as the simulator does.
 
     Parameters
     ----------
     command : float or array
-        Units a cycle; finite.
+        Units per cycle; finite.
 
     Returns
     -------
@@ -47,12 +47,12 @@ def clamp_power(command: Number) -> Number:
 
 
 def filter_power(command: Number, previous: Number, factor: Number | float = 1.0) -> Number:
-    """Power that a motor gives in a cycle: half way from what it gave before to what it is told.
+    """Compute the power of a motor in a cycle: the mean of its last power and the command.
 
     Parameters
     ----------
     command : float or array
-        Motor command in units a cycle, clamped.
+        Motor command in units per cycle, clamped.
     previous : float or array
         Power given in the cycle before, noise included; 0 at the start.
     factor : float or array
@@ -61,32 +61,32 @@ def filter_power(command: Number, previous: Number, factor: Number | float = 1.0
     Returns
     -------
     float or array
-        Units a cycle.
+        Units per cycle.
     """
     return (command + previous) / 2.0 * factor
 
 
 def filter_wheels(command: Command, wheels: Command) -> Command:
-    """Powers that the motors give in a cycle without noise: `filter_power` for the left and the right one.
+    """Compute the powers of both motors in a cycle without noise: `filter_power` for left and right.
 
     Parameters
     ----------
     command : (float, float)
-        As sent: left and right, in units a cycle; clamped here, as the simulator does.
+        As sent: left and right, in units per cycle; clamped here, as the simulator does.
     wheels : (float, float)
         Powers given in the cycle before; 0 at the start.
 
     Returns
     -------
     (float, float)
-        Units a cycle.
+        Units per cycle.
     """
     left, right = wheels
     return filter_power(clamp_power(command[0]), left), filter_power(clamp_power(command[1]), right)
 
 
 def wrap_angle(angle: Number) -> Number:
-    """Take at most one turn off an angle.
+    """Wrap an angle by at most one turn.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def wrap_angle(angle: Number) -> Number:
 def advance(
     x: Number, y: Number, heading: Number, left: Number, right: Number
 ) -> tuple[Number, Number, Number]:
-    """Pose after one cycle, if nothing is in the way.
+    """Compute the pose after one cycle, if nothing is in the path.
 
     The robot moves along its heading first, then turns.
 
@@ -118,7 +118,7 @@ def advance(
     heading : float or array
         Radians, counter-clockwise from +x.
     left, right : float or array
-        Powers that the motors give, in units a cycle.
+        Powers that the motors give, in units per cycle.
 
     Returns
     -------

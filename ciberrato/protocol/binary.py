@@ -67,7 +67,7 @@ def decode_binary_actions(data: bytes) -> Actions:
 
 
 def encode_binary_reply(reply: Acceptance | Refusal) -> bytes:
-    """Encode the answer to a registration; all that it tells is the cycle time, in ms."""
+    """Encode the answer to a registration; it holds only the cycle time, in ms."""
     if isinstance(reply, Refusal):
         return _REPLY.pack(REFUSED, 0)
     return _REPLY.pack(ACCEPTED, _word(reply.parameters.cycle_time))

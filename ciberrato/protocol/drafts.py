@@ -33,7 +33,7 @@ class MeasuresDraft:
             setattr(draft, name, default)
 
     def finish(self) -> Measures:
-        """Turn it into the record: the draft itself, which can be set no more."""
+        """Return the finished record: the draft itself, which cannot be changed any more."""
         draft: Any = self
         draft.__class__ = Measures
         measures: Measures = draft

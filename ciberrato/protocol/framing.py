@@ -25,7 +25,7 @@ class MessageSplitter:
         return len(self._rest)
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take what came and return the messages that it completes.
+        """Parse the bytes that arrived and return the messages that they complete.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""How long messages may be: what the real programs read at the most, in bytes (and characters, for Say)."""
+"""How long messages may be: the most that the real programs read, in bytes (and characters, for Say)."""
 
 from __future__ import annotations
 
@@ -27,4 +27,4 @@ NESTING_LIMIT = 16
 """Elements inside elements; the protocol needs three."""
 
 TOLERANCE_LIMIT = 1023
-"""Bytes of a client's message at the most that gets a second, tolerant look."""
+"""Greatest length of a client's message that is parsed a second time, by tolerant rules, in bytes."""

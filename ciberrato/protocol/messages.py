@@ -70,7 +70,7 @@ class RobotBeaconRegistration:
 
 @dataclass(frozen=True, slots=True)
 class ViewRegistration:
-    """A viewer asks to be told everything.
+    """A viewer requests all messages.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class Actions:
     Attributes
     ----------
     left_motor, right_motor : float or None
-        Motor commands in units a cycle, before clamping.
+        Motor commands in units per cycle, before clamping.
     end_led, returning_led, visiting_led : bool or None
     requests : tuple of str
         Names of the sensors asked for, in the order of the wire (``IRSensor0``, ``Beacon1``, ``Compass``).
@@ -270,7 +270,7 @@ class OtherReading:
     Attributes
     ----------
     name : str
-        Of the element.
+        Name of the element.
     values : tuple of (str, str)
         Its attributes, as on the wire.
     """
@@ -350,7 +350,7 @@ class Measures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotStatus:
-    """What a viewer is told of each robot in each cycle.
+    """What a viewer receives of each robot in each cycle.
 
     Attributes
     ----------

@@ -11,7 +11,7 @@ LATE = 50
 LEAP = 10
 """Cycles missing in a row from which on a second message must agree with the first: digits may be spoilt."""
 _AGREEING = 3
-"""Messages in a row, of times that follow one another, that tell that the simulator has begun again."""
+"""Messages in a row, of times that follow one another, that show that the simulator has begun again."""
 _STUBBORN = 10
 """The same where they may as well be late: more than any network holds back in a row."""
 

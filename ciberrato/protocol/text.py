@@ -112,7 +112,7 @@ def general(value: float) -> str:
 
 
 def exact(value: float) -> str:
-    """Write a number so that reading it gives the same one."""
+    """Return a number as text from which exactly the same number is read."""
     return repr(float(value))
 
 
@@ -131,7 +131,7 @@ def attribute(text: str, place: str) -> str:
 
 
 def cdata(text: str, place: str) -> str:
-    """Put text in CDATA sections; the end mark and carriage returns inside it survive.
+    """Return a text in CDATA sections; the end mark and carriage returns inside it survive.
 
     Raises
     ------

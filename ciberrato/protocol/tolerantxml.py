@@ -3,7 +3,7 @@
 Taken are: an attribute twice (the last one counts), no blank between attributes, control characters and
 references to them (``&#0;``; each becomes ``?``, as XML cannot carry them), a document type (passed over),
 and references to entities other than the five of XML. These are never expanded, whatever the document type
-declares: where text is passed over anyway they do no harm, and in an attribute or a Say they make the
+declares: where text is ignored anyway they do no harm, and in an attribute or a Say they make the
 message one that is refused, with a note.
 """
 
@@ -104,7 +104,7 @@ class _Reader:
             pass
 
     def _document_type(self) -> None:
-        """Pass over what follows the name of a document type, up to its end."""
+        """Skip what follows the name of a document type, up to its end."""
         declarations = False
         while (part := self._need(_DOCTYPE_PART)[0]) != ">" or declarations:
             if part in "[]":
@@ -137,7 +137,7 @@ class _Reader:
         return root
 
     def _tag(self) -> tuple[Element, bool]:
-        """Read a start tag; tell whether it is an end tag too."""
+        """Read a start tag; return whether it is an end tag too."""
         element = Element(self._need(_START)[1], {})
         while attribute := self._take(_ATTRIBUTE):
             name, double, single = attribute.groups()
@@ -168,7 +168,7 @@ def _without_entity(text: str, element: Element) -> str:
 
 
 def _resolved(text: str) -> str:
-    """Put characters in the place of references; what XML cannot carry becomes a question mark."""
+    """Replace references by characters; what XML cannot carry becomes a question mark."""
     return _REFERENCE.sub(_character, NOT_XML.sub("?", text))
 
 

@@ -127,7 +127,7 @@ def _refuse_doctype(name: str, _system: str | None, _public: str | None, _intern
 
 
 def as_utf8(data: bytes, invalid_bytes: Literal["?", "latin-1"]) -> bytes:
-    """Bring the bytes to UTF-8, whatever they are."""
+    """Convert bytes of any encoding to UTF-8."""
     declared = _DECLARED_ENCODING.match(data)
     if declared:
         name = declared.group(1).decode("ascii").lower()

@@ -1,6 +1,6 @@
 """All that a process has started: counted, measured, and ended, however deep it hides.
 
-Linux tells by /proc. Other POSIX systems tell by ``ps`` who is whose child and how much memory it has;
+Linux reports by /proc. Other POSIX systems report by ``ps`` who is whose child and how much memory it has;
 threads are not counted there, and orphans, which Linux lets us adopt, are found no more. Windows ends a
 process with its children by ``taskkill``, and neither counts nor measures: `MEASURES` says so.
 """
@@ -44,13 +44,13 @@ class Usage(NamedTuple):
 
 
 def adopt_orphans() -> None:
-    """Let processes whose parents have ended become children of this one, not of the system's first."""
+    """Adopt processes whose parents have ended, instead of the system's first process."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SET_SUBREAPER, 1, 0, 0, 0)
 
 
 def die_with_parent() -> None:
-    """Let the system end this process when its parent ends, however that comes about."""
+    """Request that the system ends this process when its parent ends, for whatever reason."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGTERM, 0, 0, 0)
 
@@ -155,7 +155,7 @@ def exact_memory(processes: Sequence[int]) -> int | None:
     Returns
     -------
     int or None
-        Bytes; None where the system does not tell.
+        Bytes; None where the system does not report it.
     """
     total = 0
     for process in processes:
@@ -176,7 +176,7 @@ def socket_of(port: int) -> str | None:
     Returns
     -------
     str or None
-        Its inode; None where the system does not tell.
+        Its inode; None where the system does not report it.
     """
     wanted = f"{port:04X}"
     for table in ("udp", "udp6", "tcp", "tcp6"):
@@ -246,7 +246,7 @@ def end_session(child: subprocess.Popen[bytes]) -> None:
 
 
 def _end_tree(child: subprocess.Popen[bytes], seconds: float) -> bool:
-    """End a child with all below it whose parents still run."""
+    """Stop a child with all processes below it whose parents still run."""
     if child.poll() is None and (tool := shutil.which("taskkill")) is not None:
         nothing = subprocess.DEVNULL
         command = [tool, "/F", "/T", "/PID", str(child.pid)]

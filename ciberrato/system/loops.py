@@ -21,12 +21,12 @@ def run_with_sockets(program: Coroutine[Any, Any, _T]) -> _T:
 
 
 def stop_on_signals(loop: asyncio.AbstractEventLoop, stop: Callable[[], None]) -> None:
-    """Let the signals that ask a program to end call a function in a loop; only in the main thread."""
+    """Call a function in a loop on the signals that ask a program to end; only in the main thread."""
     for number in ENDING:
         try:
             loop.add_signal_handler(number, stop)
         except NotImplementedError:
-            # Windows: the handler runs when the main thread is back from waiting, a tick later at the most.
+            # Windows: the handler runs when the main thread is back from waiting, at most a tick later.
             with contextlib.suppress(ValueError):  # not in the main thread
                 signal.signal(number, lambda *_: call_in(loop, stop))
         except (ValueError, RuntimeError):  # not in the main thread

@@ -24,7 +24,7 @@ def memory_megabytes() -> float:
 
 
 def _by_resource() -> float:
-    """Ask getrusage(2), which macOS answers in bytes and others in KiB."""
+    """Return the peak of getrusage(2), which macOS reports in bytes and others in KiB."""
     try:
         import resource
     except ImportError:

@@ -29,7 +29,7 @@ def interruptible() -> dict[str, Any]:
 
 
 def interrupt(child: subprocess.Popen[Any]) -> None:
-    """Do to a child what Ctrl-C does: SIGINT, or on Windows Ctrl-Break, which can be sent to one process."""
+    """Interrupt a child as Ctrl-C does: SIGINT, or on Windows Ctrl-Break, which can go to one process."""
     child.send_signal(getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT))
 
 
@@ -63,7 +63,7 @@ def give_way() -> None:
 
 
 def lower_priority() -> None:
-    """Let other processes come first, where a process can say so of itself."""
+    """Lower the priority of this process, where a process can do so itself."""
     if hasattr(os, "nice"):
         with contextlib.suppress(OSError):
             os.nice(5)
@@ -112,7 +112,7 @@ def when_input_ends(call: Callable[[], object]) -> None:
 
 
 def take_any_character(stream: object) -> None:
-    """Let a text stream write what its encoding lacks as an escape: a name in a lab is no reason to fail.
+    """Escape characters that a text stream's encoding lacks: a name in a lab is no reason to fail.
 
     Standard output that is not a terminal has an encoding of 256 characters on Windows, and in a POSIX
     locale.

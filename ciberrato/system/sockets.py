@@ -26,7 +26,7 @@ class Poller(Protocol):
         """Watch a socket for `READING`, `WRITING` or both."""
 
     def modify(self, sock: socket.socket, events: int, /) -> object:
-        """Watch it for something else."""
+        """Change what a socket is watched for."""
 
     def unregister(self, sock: socket.socket, /) -> object:
         """Stop watching it."""
@@ -35,7 +35,7 @@ class Poller(Protocol):
         """Wait, and return descriptors and events of those that are ready."""
 
     def close(self) -> object:
-        """Free what the system holds for it."""
+        """Release the system's resources."""
 
 
 def poller() -> Poller:
@@ -63,11 +63,11 @@ class _Poll:
         return self._poll.poll(math.ceil(seconds * 1000.0))
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Close nothing: no resource is held."""
 
 
 class _Select:
-    """`select.select`, which every system has; 512 sockets at the most on Windows."""
+    """`select.select`, which every system has; at most 512 sockets on Windows."""
 
     def __init__(self) -> None:
         self._reading: set[int] = set()
@@ -93,11 +93,11 @@ class _Select:
         ]
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Close nothing: no resource is held."""
 
 
 def keep_port(sock: socket.socket) -> None:
-    """Let a socket that is about to be bound have its port alone, and have it again at once.
+    """Reserve a port for a socket that is about to be bound, which can be bound again at once.
 
     Elsewhere than on Windows a port is its owner's anyway, but connections of a program that has just ended
     keep a TCP port for a minute unless SO_REUSEADDR is set. On Windows that option lets others take the port
@@ -110,13 +110,13 @@ def keep_port(sock: socket.socket) -> None:
 
 
 def stamp_arrivals(sock: socket.socket) -> None:
-    """Let the kernel note when each datagram comes, where it can."""
+    """Request the kernel's time stamp of each datagram's arrival, where it can."""
     if _TIMESTAMPS is not None:
         sock.setsockopt(socket.SOL_SOCKET, _TIMESTAMPS, 1)
 
 
 def receive_stamped(sock: socket.socket) -> tuple[bytes, tuple[str, int], float | None]:
-    """Take one datagram.
+    """Receive one datagram.
 
     Returns
     -------

@@ -44,7 +44,7 @@ class Streams:
         Parameters
         ----------
         seconds : float
-            At the longest.
+            Longest time to wait.
 
         Returns
         -------
@@ -61,7 +61,7 @@ class Streams:
         return any_news
 
     def rest(self) -> None:
-        """Hand out what is left when the writers have ended."""
+        """Return what is left when the writers have ended."""
         while self.read(self._patience):
             pass
 

@@ -41,7 +41,7 @@ def folder_of(test: str) -> str:
 
 
 def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str, start: Path) -> list[str]:
-    """Keep what is left of runs, and say so.
+    """Keep the files of runs, and report where.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str
     test : str
         Node id, for the command that runs it again.
     start : Path
-        Paths are told from here.
+        Paths are reported relative to this folder.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str
 
 
 def _labelled(label: str, texts: Sequence[str]) -> list[str]:
-    """Put a label before the first of several lines."""
+    """Add a label before the first of several lines."""
     return [f"  {label if number == 0 else '':9s} {text}" for number, text in enumerate(texts)]
 
 

@@ -48,7 +48,7 @@ MARKER: Final = {**RUN, "seeds": None, "seed": 1, "patience": 2.0}
 
 
 def merged(known: Mapping[str, Any], *given: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Put options together, later ones first.
+    """Merge options, later ones first.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def merged(known: Mapping[str, Any], *given: Mapping[str, Any], where: str) -> d
             if name not in known:
                 listed = ", ".join(known)
                 raise UsageError(
-                    f"{where}: there is no option {name!r}{did_you_mean(name, known)}; there are: {listed}"
+                    f"{where}: unknown option {name!r}{did_you_mean(name, known)}; the options are: {listed}"
                 )
         options |= one
     return options
@@ -124,7 +124,7 @@ def command_words(command: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def found(name: str | Path, folders: Sequence[Path]) -> str:
-    """Find a file beside the tests, or where they were started; what is there in neither keeps its name."""
+    """Find a file beside the tests, or where they were started; else return its name as it is."""
     for folder in folders:
         if (folder / name).is_file():
             return str((folder / name).absolute())
@@ -132,7 +132,7 @@ def found(name: str | Path, folders: Sequence[Path]) -> str:
 
 
 def lab_of(options: Mapping[str, Any], folders: Sequence[Path]) -> Any:
-    """Make the world that options ask for.
+    """Create the world that options describe.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def lab_of(options: Mapping[str, Any], folders: Sequence[Path]) -> Any:
     scoring = options["scoring"]
     if scoring not in numbers:
         listed = ", ".join(f"{number} {name}" for number, name in SCORING_MODES.items())
-        raise UsageError(f"scoring={scoring!r}: there is no such mode; there are: {listed}")
+        raise UsageError(f"scoring={scoring!r}: no such mode; choose one of {listed}")
     settings = tuple((name, str(value)) for name, value in sorted(options["settings"].items()))
     path = None if parameters is None else find_parameters(parameters).absolute()
     _, warnings = parse_parameters_with_warnings(parameters_document(path, settings), "settings")
@@ -188,7 +188,7 @@ def lab_of(options: Mapping[str, Any], folders: Sequence[Path]) -> Any:
 
 
 def limits_of(options: Mapping[str, Any]) -> Any:
-    """Make the limits that options ask for; returns `ciberrato.grading.course.Limits`."""
+    """Create the limits that options describe; returns `ciberrato.grading.course.Limits`."""
     from ciberrato.grading.course import Limits
 
     values = {name: options[name] for name in LIMITS}
@@ -200,7 +200,7 @@ def limits_of(options: Mapping[str, Any]) -> Any:
 
 
 def agent_of(options: Mapping[str, Any], command: tuple[str, ...], folder: Path) -> Any:
-    """Make the agent that options ask for; returns `ciberrato.grading.course.Agent`."""
+    """Create the agent that options describe; returns `ciberrato.grading.course.Agent`."""
     from ciberrato.grading.course import Agent
 
     build = None if options["build"] is None else command_words(options["build"])

@@ -12,7 +12,7 @@ def picture_command(lab: Path, truth: Path, target: Path, title: str) -> list[st
 
 
 def main() -> int:
-    """Draw what the command line asks for."""
+    """Draw the picture that the command line describes."""
     from ciberrato.errors import CiberratoError
     from ciberrato.files.lab import read_lab
     from ciberrato.files.truth import read_truth

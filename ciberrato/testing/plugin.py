@@ -33,22 +33,22 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--ciberrato-failures",
         default=_FOLDER,
         metavar="DIR",
-        help=f"where logs, pictures and files of tests that failed are kept; default: {_FOLDER}",
+        help=f"folder for logs, pictures and files of tests that failed; default: {_FOLDER}",
     )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marker known."""
+    """Register the marker."""
     config.addinivalue_line("markers", _MARKER)
 
 
 def _home(config: pytest.Config) -> Path:
-    """Folder of the project: that of its pyproject.toml or pytest.ini, or where pytest was started."""
+    """Return the project's folder: that of its pyproject.toml or pytest.ini, or where pytest was started."""
     return config.rootpath if config.inipath is not None else Path(config.invocation_params.dir)
 
 
 def _marked(item: pytest.Item) -> dict[str, Any]:
-    """Options of all markers, the nearest first.
+    """Return the options of all markers, the nearest first.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def _kept(config: pytest.Config) -> Path:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Make a test of each seed."""
+    """Create a test for each seed."""
     if metafunc.definition.get_closest_marker("ciberrato") is None:
         return
     from ciberrato.errors import UsageError
@@ -102,12 +102,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def ciberrato_seed(request: pytest.FixtureRequest) -> int:
-    """Seed of the test's runs: one of the marker's ``seeds``, or its ``seed``; else 1."""
+    """Return the seed of the test's runs: one of the marker's ``seeds``, or its ``seed``; else 1."""
     return int(_marked(request.node).get("seed", 1))
 
 
 def _told(method: Callable[..., Any]) -> Callable[..., Any]:
-    """Let mistakes in a call be shown at the call, not in here."""
+    """Raise mistakes in a call at the call, not in here."""
 
     @functools.wraps(method)
     def call(*words: Any, **options: Any) -> Any:
@@ -151,7 +151,7 @@ class _Bench:
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
             raise UsageError(f"seed={seed!r}: a whole number, 0 or more, was expected")
         if sandbox not in KINDS:
-            raise UsageError(f"sandbox={sandbox!r}: there is no such sandbox; there are: {', '.join(KINDS)}")
+            raise UsageError(f"sandbox={sandbox!r}: no such sandbox; choose one of {', '.join(KINDS)}")
         return options
 
     def _folder(self) -> Path:
@@ -162,12 +162,12 @@ class _Bench:
 
         folder = self._home if options["folder"] is None else self._home / options["folder"]
         if not folder.is_dir():
-            raise UsageError(f"folder={options['folder']!r}: there is no folder {folder}")
+            raise UsageError(f"folder={options['folder']!r}: no such folder: {folder}; check the path")
         return folder
 
     @_told
     def run(self, command: str | Sequence[str], **given: Any) -> AgentRun:
-        """Let an agent drive once; see docs/test-your-agent.md."""
+        """Run an agent once; see docs/test-your-agent.md."""
         from ciberrato.testing.options import RUN, agent_of, command_words, lab_of, limits_of
         from ciberrato.testing.runs import run_agent
 
@@ -198,7 +198,7 @@ class _Bench:
     def check(
         self, command: str | Sequence[str], rows: str | Sequence[str] = (), **given: Any
     ) -> list[Judged]:
-        """Put an agent through the conformance check; see docs/test-your-agent.md."""
+        """Check an agent with the conformance check; see docs/test-your-agent.md."""
         from ciberrato.grading.conformance.check import check_agent, rows_named
         from ciberrato.grading.conformance.report import text_report
         from ciberrato.grading.sandbox import choose
@@ -265,7 +265,7 @@ def ciberrato_simulator(_ciberrato_bench: _Bench) -> Callable[..., RunningSimula
 
 @pytest.fixture
 def ciberrato_check(_ciberrato_bench: _Bench) -> Callable[..., list[Judged]]:
-    """Put an agent through lost and late messages, Stop, silence: ``ciberrato_check("./robot -h {host}")``.
+    """Check an agent on lost and late messages, Stop, silence: ``ciberrato_check("./robot -h {host}")``.
 
     The test fails with what was done, expected and seen, if a row fails.
     """
@@ -282,7 +282,7 @@ def _failures(item: pytest.Item) -> Path:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Keep what is left of the runs of a test that has failed, and say where."""
+    """Keep the files of the runs of a test that has failed, and report where."""
     report = yield
     runs = item.stash.get(_RUNS, [])
     if report.failed and runs and call.when in ("setup", "call"):

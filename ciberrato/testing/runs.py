@@ -110,7 +110,7 @@ class AgentRun:
 
     @cached_property
     def truth(self) -> Truth:
-        """Where the robot really was: arrays ``time``, ``x``, ``y``, ``degrees``."""
+        """True path of the robot: arrays ``time``, ``x``, ``y``, ``degrees``."""
         from ciberrato.testing.truth import truth_arrays
 
         return truth_arrays(self.folder / "truth.csv")
@@ -142,7 +142,7 @@ class _Kept(Launcher):
         return super()._wanted(task, files, folder, port) | {"log": None, "tail": output, "grace": _GRACE}
 
     def keep(self, folder: Path) -> tuple[Outcome, dict[str, Any]]:
-        """Do the run; `folder` must not be there."""
+        """Execute the run in `folder`, which must not exist."""
         (agent,), (lab,), (seed,) = self._course.agents, self._course.labs, self._course.seeds
         files, failure = self._files(agent)
         if failure is not None:
@@ -180,7 +180,7 @@ def run_agent(
     limits: Limits,
     sandbox: str,
 ) -> AgentRun:
-    """Let an agent drive once.
+    """Run an agent once.
 
     Parameters
     ----------

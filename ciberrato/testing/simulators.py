@@ -116,12 +116,12 @@ class RunningSimulator:
 
     @property
     def messages(self) -> str:
-        """What it has said so far: who registered, start, end."""
+        """Messages of the simulator so far: who registered, start, end."""
         return (self.folder / "messages.txt").read_text(encoding="utf-8", errors="replace")
 
     @property
     def truth(self) -> Truth:
-        """Where the first robot has been so far: arrays ``time``, ``x``, ``y``, ``degrees``."""
+        """True path of the first robot so far: arrays ``time``, ``x``, ``y``, ``degrees``."""
         return self.truth_of(None)
 
     def truth_of(self, robot: int | None) -> Truth:
@@ -172,7 +172,7 @@ class RunningSimulator:
         return run
 
     def stop(self) -> None:
-        """End it now; its files are complete then. Stopping twice does no harm."""
+        """Stop it now; its files are complete then. Stopping twice does no harm."""
         if self._process.poll() is None:
             ask_to_end(self._process)
             try:

@@ -98,7 +98,7 @@ def _build(options: argparse.Namespace) -> Server:
 
 
 def _recorded(options: argparse.Namespace, notify: Callable[[str], None]) -> Session:
-    """Open a log, whosever it is."""
+    """Open a log, of an agent or of a simulator."""
     from ciberrato.files.log_kind import is_simulator_log
 
     if not is_simulator_log(options.run):
@@ -121,7 +121,9 @@ def _recorded(options: argparse.Namespace, notify: Callable[[str], None]) -> Ses
         ("--beliefs", options.beliefs),
     ):
         if value is not None:
-            raise UsageError(f"{name}: a simulator's log holds the lab and the true poses; leave it out")
+            raise UsageError(
+                f"{name}: a simulator's log holds the lab and the true poses; leave this option out"
+            )
     return load_simulator_log(options.run, options.angles, notify)
 
 
@@ -163,36 +165,41 @@ def _parser() -> argparse.ArgumentParser:
         "--simulator",
         default="127.0.0.1:6000",
         metavar="HOST[:PORT]",
-        help="the simulator; default: 127.0.0.1:6000",
+        help="address of the simulator; default: 127.0.0.1:6000",
     )
     world.add_argument(
-        "--transport", choices=("udp", "tcp"), default="udp", help="the real simulator has udp only"
+        "--transport",
+        choices=("udp", "tcp"),
+        default="udp",
+        help="transport to the simulator; the real one has udp only; default: udp",
     )
     world.add_argument(
         "--view-token",
         default=os.environ.get(TOKEN_VARIABLE) or None,
         metavar="TEXT",
-        help=f"that the simulator wants of views, if it does; default: {TOKEN_VARIABLE}, or none",
+        help=f"token that the simulator requires of viewers; default: ${TOKEN_VARIABLE}, or none",
     )
     world.add_argument(
         "--run",
         type=Path,
         metavar="FILE",
         help="show a log instead of a simulator: an agent's (run.jsonl), or a simulator's (--log of the real "
-        "one or of ours), plain or gzip",
+        "one or of ciberrato-simulator), plain or gzip",
     )
-    world.add_argument("-m", "--map", metavar="LAB", help="with --run: the lab, where the log names no other")
+    world.add_argument(
+        "-m", "--map", metavar="LAB", help="with --run: lab file or name; default: the lab that the log names"
+    )
     world.add_argument(
         "--start-cell",
         type=_cell,
         metavar="COLUMN,ROW",
-        help="with --run: the start cell, from 0,0 at the lower left; default: the most likely one",
+        help="with --run: start cell, counted from 0,0 at the lower left; default: the most likely one",
     )
     world.add_argument(
         "--beliefs",
         type=Path,
         metavar="FILE",
-        help="with --run: the agent's localization.out; default: a filter of the viewer's own",
+        help="with --run: belief file of the agent, localization.out; default: a filter run by the viewer",
     )
     world.add_argument(
         "--salvage",
@@ -203,7 +210,7 @@ def _parser() -> argparse.ArgumentParser:
         "--angles",
         type=_angles,
         metavar="A,B,C,D",
-        help="with --run and a simulator's log: of the IR sensors, degrees; default: 0,60,-60,180",
+        help="with --run and a simulator's log: angles of the IR sensors, degrees; default: 0,60,-60,180",
     )
     page = parser.add_argument_group("the page")
     page.add_argument(
@@ -211,18 +218,20 @@ def _parser() -> argparse.ArgumentParser:
         type=_http,
         default=("127.0.0.1", DEFAULT_HTTP_PORT),
         metavar="[HOST:]PORT",
-        help="where the page is served; default: 127.0.0.1:6080; port 0 takes any free one. "
-        "With a host that others can reach, a token is needed to look",
+        help="address of the page; port 0: any free port; default: 127.0.0.1:6080. On an address that other "
+        "machines can reach, browsers need a token",
     )
     page.add_argument(
-        "--token", metavar="TEXT", help="that browsers must show; default: none on this machine"
+        "--token",
+        metavar="TEXT",
+        help="token required of browsers; default: none on this machine, else random",
     )
     page.add_argument("--open", action="store_true", help="open the page in a browser")
     page.add_argument(
         "--no-control",
         dest="control",
         action="store_false",
-        help="browsers may look, but not start, stop, reset or remove",
+        help="do not allow browsers to start, stop, reset or remove; default: allow",
     )
     overlay = parser.add_argument_group("overlays of agents")
     overlay.add_argument(
@@ -230,11 +239,13 @@ def _parser() -> argparse.ArgumentParser:
         dest="overlay_port",
         type=_port,
         metavar="PORT",
-        help="UDP port on 127.0.0.1; default: 6001; 0 takes any free one",
+        help="UDP port on 127.0.0.1; 0: any free port; default: 6001",
     )
-    overlay.add_argument("--no-overlay", dest="overlays", action="store_false", help="take none")
-    parser.add_argument("--until-eof", action="store_true", help="end when standard input ends, too")
-    parser.add_argument("--quiet", action="store_true", help="no messages but errors and addresses")
+    overlay.add_argument(
+        "--no-overlay", dest="overlays", action="store_false", help="do not receive overlays"
+    )
+    parser.add_argument("--until-eof", action="store_true", help="end also when standard input ends")
+    parser.add_argument("--quiet", action="store_true", help="print errors and addresses only")
     return parser
 
 

@@ -49,7 +49,7 @@ MOST_UNANSWERED = 4
 
 
 class ConnectionState(enum.Enum):
-    """Where the talk stands; the value is what the page is told."""
+    """Where the talk stands; the value is sent to the page."""
 
     SEARCHING = "searching"
     LOADING = "loading"
@@ -83,7 +83,7 @@ class SimulatorConnection:
     notify : callable
         Told, in one line each, what people may want to know.
     token : str or None
-        What a simulator of ours may want of its views.
+        Token that a simulator of ours may require of its views.
 
     Attributes
     ----------
@@ -106,11 +106,11 @@ class SimulatorConnection:
 
     @property
     def deadline(self) -> float:
-        """When `tick` has something to do, unless something is received before."""
+        """Time at which `tick` has something to do, unless something is received before."""
         return self._deadline
 
     def start(self, now: float) -> list[Outgoing]:
-        """Begin: register.
+        """Start the connection: register.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class SimulatorConnection:
         return self._search(now)
 
     def receive(self, data: bytes, now: float) -> tuple[SimulatorMessage | None, list[Outgoing]]:
-        """Take a datagram.
+        """Process a datagram.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class SimulatorConnection:
         except ProtocolError as error:
             self.undecodable += 1
             if self.undecodable == 1:
-                self._notify(f"a message from the simulator is passed over: {error}")
+                self._notify(f"ignored a message from the simulator: {error}")
             return None, []
         if self.state is ConnectionState.SEARCHING:
             return self._receive_reply(message, now)
@@ -164,7 +164,7 @@ class SimulatorConnection:
         return message, []
 
     def tick(self, now: float) -> list[Outgoing]:
-        """Do what is due.
+        """Run the tasks that are due.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class SimulatorConnection:
         return [Outgoing(encode(GridRequest()))]
 
     def lost(self, reason: str, now: float) -> None:
-        """Take note that the link broke (over TCP only); registers again after a while.
+        """Handle a broken link (over TCP only); register again after a while.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class SimulatorConnection:
         self, message: SimulatorMessage, now: float
     ) -> tuple[SimulatorMessage | None, list[Outgoing]]:
         if isinstance(message, Refusal):
-            self._notify("the simulator refuses to be viewed; trying again")
+            self._notify("the simulator refuses this viewer; trying again (see --view-token)")
             self._wait = self._wait * 2.0
             self._deadline = now + min(self._wait, LONGEST_RETRY)
         if not isinstance(message, Acceptance):

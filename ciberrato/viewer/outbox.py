@@ -43,7 +43,7 @@ class Outbox:
         self._replies.append(text)
 
     def take(self) -> str | None:
-        """Take what is to be sent next: news and answers by turns, news in the order of their topics."""
+        """Return the next message to send: news and answers by turns, news in the order of their topics."""
         if self._news and not (self._replies and self._reply_is_next):
             self._reply_is_next = True
             return self._news.pop(next(iter(self._news)))

@@ -116,7 +116,7 @@ class Source:
         return self.beliefs[index - 1] if index else None
 
     def series(self) -> list[list[float | None]]:
-        """Entropy, probability of the greatest cell and of the true one, by time."""
+        """Return entropy, probability of the greatest cell and of the true one, by time."""
         return [
             [
                 belief.time,
@@ -144,7 +144,7 @@ class OverlayStore:
         self.shapes_version = 0
 
     def clear(self) -> None:
-        """Forget everything, as when the simulator is reset."""
+        """Clear all overlays, as when the simulator is reset."""
         self.sources.clear()
         self.shapes_version += 1
 
@@ -157,7 +157,7 @@ class OverlayStore:
         lab: Lab | None = None,
         place_of: PlaceOf = lambda robot, time: None,
     ) -> Source:
-        """Take a message.
+        """Process a message.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class OverlayStore:
         Parameters
         ----------
         time : int
-            Of the newest frame.
+            Time of the newest frame.
         lab : Lab or None
         place_of : callable
             As for `receive`.
@@ -228,7 +228,7 @@ class OverlayStore:
             source.version += 1
 
     def expire(self, now: float) -> None:
-        """Take away the shapes whose time is over."""
+        """Remove the shapes whose time is over."""
         for source in self.sources.values():
             over = [name for name, (_, end) in source.shapes.items() if end is not None and end <= now]
             for name in over:

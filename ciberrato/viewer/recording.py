@@ -39,7 +39,7 @@ def load_recording(
     *,
     salvage: Callable[[str], None] | None = None,
 ) -> Session:
-    """Make a session that shows a log.
+    """Create a session that shows a log.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def _show_frames(session: Session, run: RecordedRun, origin: tuple[float, float]
 
 
 def _pose(cycle: Cycle, origin: tuple[float, float]) -> tuple[float, float, float]:
-    """Where the agent took itself to be: by its live pose filter if it had one, or by dead reckoning."""
+    """Return the agent's own estimate: by its live pose filter if it had one, or by dead reckoning."""
     if cycle.estimate is not None:
         x, y, direction, _ = cycle.estimate
         return x, y, direction

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 MOST_BROWSERS = 200
 FRAMES_PER_SECOND = 30.0
-"""Frames that a browser gets at the most; one a cycle if cycles are slower."""
+"""Greatest number of frames per second for a browser; one a cycle if cycles are slower."""
 
 _TICK_SECONDS = 0.2
 _SEND_BUFFER = 65536
@@ -64,7 +64,7 @@ class Browser:
 
 
 class Server:
-    """Serves a session until it is told to stop.
+    """Serves a session until it is stopped.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Server:
     port : int
         0 takes a free one.
     token : str or None
-        What browsers must show; None makes one up where it is needed.
+        Token required of browsers; None: a random one is generated where it is needed.
     blocking_registration : bool
         Whether `Link.register` may block, as over TCP.
 
@@ -119,7 +119,7 @@ class Server:
         self.sent_bytes = 0
 
     def open_overlay(self, port: int) -> None:
-        """Take overlays on a UDP port of 127.0.0.1.
+        """Open a UDP port of 127.0.0.1 for overlays.
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class Server:
 
     @property
     def browsers(self) -> int:
-        """How many are connected."""
+        """Number of connected browsers."""
         return len(self._browsers)
 
     def close(self) -> None:
@@ -150,7 +150,7 @@ class Server:
             self._overlay_socket.close()
 
     def stop(self) -> None:
-        """Let `run` return; only from the loop's thread."""
+        """Stop `run`; only from the loop's thread."""
         self._stop.set()
 
     async def run(self, *, until_eof: bool = False, started: Callable[[], None] = lambda: None) -> None:
@@ -279,7 +279,7 @@ class Server:
             await asyncio.sleep(1.0 / FRAMES_PER_SECOND)
 
     def _hand_out(self, now: float) -> None:
-        """Put the news into every browser's outbox."""
+        """Queue the news in every browser's outbox."""
         for topic, text in self.session.news(now):
             for browser in self._browsers:
                 browser.outbox.put(topic, text)
@@ -304,7 +304,7 @@ class Server:
         return Response(answer.status.value, answer.status.phrase, headers, answer.body)
 
     async def _attend(self, connection: ServerConnection) -> None:
-        """Talk with one browser until it leaves."""
+        """Serve one browser until it leaves."""
         sock = connection.transport.get_extra_info("socket")
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
         browser = Browser(Outbox(), asyncio.Event(), asyncio.Event())

@@ -93,11 +93,11 @@ class Session:
     # --- from outside ---------------------------------------------------------------------------
 
     def start(self, now: float) -> list[Outgoing]:
-        """Begin to look for the simulator; the result is to be sent to it."""
+        """Start to look for the simulator; return what is to be sent to it."""
         return [] if self.recording else self.connection.start(now)
 
     def receive(self, data: bytes, now: float) -> list[Outgoing]:
-        """Take a datagram of the simulator; the result is to be sent to it."""
+        """Process a datagram of the simulator; return what is to be sent to it."""
         self._now = now
         message, outgoing = self.connection.receive(data, now)
         match message:
@@ -112,7 +112,7 @@ class Session:
         return outgoing
 
     def show(self, message: SimulatorMessage) -> None:
-        """Take note of what a simulator says, or said when it was recorded."""
+        """Process a message of a simulator, live or recorded."""
         for frame in self.world.receive(message, self._now):
             self._frame = frame_text(frame)
             self._frames_received += 1
@@ -120,24 +120,24 @@ class Session:
             self.overlays.settle(frame.time, self.world.lab, self._place_of)
 
     def lost(self, reason: str, now: float) -> None:
-        """Take note that the link to the simulator broke."""
+        """Handle a broken link to the simulator."""
         self.connection.lost(reason, now)
 
     def receive_overlay(self, data: bytes, now: float) -> None:
-        """Take a datagram of an agent; a bad one is counted, the first one reported."""
+        """Process a datagram of an agent; a bad one is counted, the first one reported."""
         try:
             message = decode_overlay(data)
         except ProtocolError as error:
             self.refused_overlays += 1
             if self.refused_overlays == 1:
-                self._notify(f"a datagram on the overlay port is passed over: {error}")
+                self._notify(f"ignored a datagram on the overlay port: {error}")
             return
         self.overlays.receive(
             message, now=now, time=self.world.frame.time, lab=self.world.lab, place_of=self._place_of
         )
 
     def _place_of(self, robot_id: int, time: int) -> tuple[float, float] | None:
-        """Where a robot was, from the time line: an agent may take a while to say what it believed."""
+        """Return where a robot was, from the time line: an agent may report its belief late."""
         for frame in self.timeline.window(time, time, 2):
             for row in json.loads(frame)[2]:
                 if row[0] == robot_id and row[1] is not None and row[2] is not None:
@@ -145,13 +145,13 @@ class Session:
         return None
 
     def tick(self, now: float) -> list[Outgoing]:
-        """Do what is due; to be called a few times a second. The result is to be sent to the simulator."""
+        """Run the tasks that are due, a few times a second; return what is to be sent to the simulator."""
         self._now = now
         self.overlays.expire(now)
         return [] if self.recording else self.connection.tick(now)
 
     def command(self, control: Control) -> list[Outgoing]:
-        """Take a browser's command; the result is to be sent to the simulator."""
+        """Execute a browser's command; return what is to be sent to the simulator."""
         if not self._control or self.connection.state is not ConnectionState.WATCHING:
             return []
         commands: dict[str, ViewCommand] = {"start": Start(), "stop": Stop(), "reset": Reset()}
@@ -202,7 +202,7 @@ class Session:
         return self._changes(self._published)
 
     def snapshot(self) -> News:
-        """Say everything that a browser needs that has just come."""
+        """Return everything that a newly connected browser needs."""
         return self._changes({})
 
     @property

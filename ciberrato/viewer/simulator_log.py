@@ -15,17 +15,17 @@ from ciberrato.world.coordinates import SensorAngles
 def load_simulator_log(
     path: Path, angles: SensorAngles | None = None, notify: Callable[[str], None] = lambda line: None
 ) -> Session:
-    """Make a session that shows a log, of the real simulator or of ours.
+    """Create a session that shows a log, of the real simulator or of ours.
 
     Parameters
     ----------
     path : Path
         Plain, or packed with gzip.
     angles : tuple of four float, or None
-        Of the robots' IR sensors in degrees, for drawing their cones: the log does not tell. None = 0, 60,
-        -60, 180.
+        Angles of the robots' IR sensors in degrees, for drawing their cones; the log does not hold them.
+        None = 0, 60, -60, 180.
     notify : callable
-        Told, in a line, if the log has no end.
+        Called with a line if the log has no end.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def load_simulator_log(
             robots.add(logged.robot_id)
             session.show(_status(logged, record.time))
     if not stream.complete:
-        notify(f"{path} has no end, as that of a simulator that was killed: shown as far as it goes")
+        notify(f"{path} has no end (was the simulator killed?); it is shown as far as it goes")
     if not robots:
         notify(f"{path} holds no robot")
     if angles is not None:

@@ -97,7 +97,7 @@ class Site:
     port : int
         The one that we listen on.
     token : str or None
-        What a browser must show; None = anybody on this machine may look.
+        Token required of browsers; None: all users of this machine may look.
     assets : mapping
         As `read_assets` gives them.
     """
@@ -105,7 +105,7 @@ class Site:
     def __init__(self, *, port: int, token: str | None, assets: Mapping[str, tuple[str, bytes]]) -> None:
         self._token = token
         self._assets = assets
-        self._cookie = f"ciberrato-viewer-{port}"  # cookies do not tell ports apart
+        self._cookie = f"ciberrato-viewer-{port}"  # cookies do not distinguish ports
         names = ("localhost", "127.0.0.1", "[::1]")
         self._own_hosts = {f"{name}:{port}" for name in names} | (set(names) if port == 80 else set())
 

@@ -65,7 +65,7 @@ class Timeline:
         return (self._times[0], self._times[-1]) if self._times else (0, 0)
 
     def clear(self) -> None:
-        """Forget everything and begin a new epoch."""
+        """Clear the time line and begin a new epoch."""
         self.epoch += 1
         self.marks = []
         self._times = []
@@ -97,7 +97,7 @@ class Timeline:
         self._before = frame
 
     def window(self, first: int, last: int, most: int) -> list[str]:
-        """Frames from one time to another.
+        """Return the frames from one time to another.
 
         Parameters
         ----------

@@ -65,7 +65,7 @@ class World:
         self._times: deque[tuple[float, int]] = deque()
 
     def receive(self, message: SimulatorMessage, now: float) -> list[Frame]:
-        """Take what the simulator says.
+        """Process a message of the simulator.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class World:
         return []
 
     def forget_robots(self) -> None:
-        """Begin with no robots, as the simulator does after a reset."""
+        """Remove all robots, as the simulator does after a reset."""
         self._robots = {}
         self._seen = set()
         self._last_id = -1
@@ -102,7 +102,7 @@ class World:
         self.frame = Frame(0, "empty", ())
 
     def rate(self, now: float) -> float:
-        """Cycles a second over the last seconds; 0 when nothing moves."""
+        """Compute the cycles per second over the last seconds; 0 when nothing moves."""
         while len(self._times) > 2 and now - self._times[0][0] > _RATE_SECONDS:
             self._times.popleft()
         if len(self._times) < 2 or now - self._times[-1][0] > _RATE_SECONDS:
@@ -115,7 +115,7 @@ class World:
         if status.robot_id <= self._last_id and self._seen:
             frames.append(self._complete(now))
         if self._robots and status.time < next(iter(self._robots.values())).time:
-            # Time went back: the world was reset and we were not told, or not yet.
+            # Time went back: the world was reset and no message of it has come, or not yet.
             self.forget_robots()
         self._robots[status.robot_id] = status
         self._seen.add(status.robot_id)

@@ -48,7 +48,7 @@ def check_text(name: str, value: Any) -> None:
 
 
 def make_tuple(record: Any, name: str, kind: type) -> None:
-    """Make a field of a frozen record a tuple of records of a kind, whatever sequence it was given as."""
+    """Convert a field of a frozen record, given as any sequence, to a tuple of records of a kind."""
     value = getattr(record, name)
     if isinstance(value, str | bytes):
         raise TypeError(f"{name}: {value!r:.60} is not a list of {kind.__name__}s")
@@ -64,7 +64,7 @@ def make_tuple(record: Any, name: str, kind: type) -> None:
 
 
 def make_points(record: Any, name: str) -> None:
-    """Make a field of a frozen record a tuple of points (x, y)."""
+    """Convert a field of a frozen record to a tuple of points (x, y)."""
     value = getattr(record, name)
     if type(value) is tuple and all(type(point) is tuple and len(point) == 2 for point in value):
         found = value

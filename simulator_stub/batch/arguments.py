@@ -76,7 +76,7 @@ def _numbers(values: Any, what: str) -> Floats:
 
 
 def numbers_of_worlds(chosen: ArrayLike, worlds: int) -> Integers:
-    """Turn a mask, or numbers, of worlds into numbers."""
+    """Convert a mask, or numbers, of worlds to numbers."""
     array = np.asarray(chosen)
     if array.dtype == np.bool_:
         if array.shape != (worlds,):

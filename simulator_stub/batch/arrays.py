@@ -24,7 +24,7 @@ _CLOSE = 1e-9
 
 
 def move(lab: LabPlan, robots: Integers, state: BatchState, noise: Floats | None) -> None:
-    """Let the motors run and the robots move.
+    """Apply the motors and move the robots.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def inside(lab: LabPlan, x: Floats, y: Floats, *, first: bool = False) -> Intege
     x, y : array, shape (n,)
         Units.
     first : bool
-        Of several targets take the first, as scores do, and not the last, as sensors do.
+        Whether to take the first of several targets, as scores do, and not the last, as sensors do.
 
     Returns
     -------

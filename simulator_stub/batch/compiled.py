@@ -47,7 +47,7 @@ class CompiledKernels:
         self._pool = ThreadPoolExecutor(threads - 1, "ciberrato-batch") if threads > 1 else None
 
     def _share(self, work: Callable[[Integers], int], robots: Integers) -> int:
-        """Let threads do a part each; return the sum of what they return."""
+        """Run a part in each thread; return the sum of the results."""
         shares = min(self._threads, robots.size // LEAST_SHARE)
         if self._pool is None or shares < 2:
             return work(robots)
@@ -56,7 +56,7 @@ class CompiledKernels:
         return work(mine) + sum(part.result() for part in waiting)
 
     def move(self, lab: LabPlan, robots: Integers, state: BatchState, noise: Floats | None) -> None:
-        """Let the motors run and the robots move, as `simulator_stub.batch.arrays.move`."""
+        """Apply the motors and move the robots, as `simulator_stub.batch.arrays.move`."""
         tables = lab.tables
         undecided = np.zeros(state.x.size, np.bool_)
         wanted = np.empty((2, state.x.size))

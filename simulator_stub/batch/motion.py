@@ -20,7 +20,7 @@ def cosines_and_sines(angles: Floats) -> tuple[Floats, Floats]:
     Returns
     -------
     cosines, sines : array
-        Of the same shape.
+        Cosines and sines of the same shape.
     """
     numbers = angles.ravel().tolist()
     cosines = np.fromiter(map(math.cos, numbers), np.float64, len(numbers))

@@ -78,11 +78,11 @@ class _Source:
             numbers[:, :count] = draw((len(numbers), count))
 
     def renew(self, world: int, root: NoiseRoot, count: int) -> None:
-        """Let a world begin anew."""
+        """Reset a world's numbers."""
         self._roots[world], self._generators[world], self.counts[world] = root, None, count
 
     def detached(self) -> _Source:
-        """Make another one that goes on alike, by itself."""
+        """Return a copy that goes on independently with the same numbers."""
         twin = copy.copy(self)
         twin._roots, twin.counts = list(self._roots), list(self.counts)
         twin._generators = copy.deepcopy(self._generators)
@@ -123,7 +123,7 @@ class BatchStream:
         self._next = 0
 
     def copy(self) -> BatchStream:
-        """Make another one that gives the same numbers from here on."""
+        """Return a copy that draws the same numbers from here on."""
         twin = BatchStream.__new__(BatchStream)
         self._source.shared = True
         twin._source, twin._block, twin._next = self._source, self._block, self._next
@@ -147,7 +147,7 @@ class BatchStream:
         return numbers
 
     def renew(self, worlds: Sequence[int], roots: Sequence[NoiseRoot], counts: Sequence[int]) -> None:
-        """Let some worlds begin anew, at the next cycle; the numbers of the others stay."""
+        """Reset some worlds' numbers at the next cycle; those of the others stay."""
         if self._source.shared:
             self._detach()
         for world, root, count in zip(worlds, roots, counts, strict=True):
@@ -190,7 +190,7 @@ class IdleStream:
         self._next = [0] * worlds
 
     def copy(self) -> IdleStream:
-        """Make another one that gives the same numbers from here on: a tape only grows."""
+        """Return a copy that draws the same numbers from here on: a tape only grows."""
         twin = IdleStream(0, self._use, self._count, normal=self._normal)
         twin._tapes, twin._next = list(self._tapes), list(self._next)
         return twin
@@ -207,7 +207,7 @@ class IdleStream:
         return rows
 
     def renew(self, worlds: Sequence[int], roots: Sequence[NoiseRoot], counts: Sequence[int]) -> None:
-        """Let some worlds begin anew."""
+        """Reset some worlds' numbers."""
         for world, root, count in zip(worlds, roots, counts, strict=True):
             self._tapes[world] = _Tape(root, self._use, count, self._normal)
             self._next[world] = 0

@@ -60,7 +60,7 @@ def beacons(lab: LabPlan, robots: Integers, state: BatchState, noise: Floats | N
 
 
 def _bearings(x: Floats, y: Floats, beacon: Beacon) -> Floats:
-    """Angles to a beacon, by `math`: numpy's arc tangent may differ in the last bit."""
+    """Compute the angles to a beacon, by `math`: numpy's arc tangent may differ in the last bit."""
     dx, dy = beacon.x - x, beacon.y - y
     angles = np.fromiter(map(math.atan2, dy.tolist(), dx.tolist()), np.float64, dx.size)
     above = np.where(beacon.y > y, math.pi / 2, -math.pi / 2)

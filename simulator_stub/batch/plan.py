@@ -43,7 +43,7 @@ class LabPlan:
 
     @classmethod
     def build(cls, lab: Lab) -> LabPlan:
-        """Work out the rest."""
+        """Build the derived values."""
         world = World.build(lab, StartGrid(), Parameters())
         targets = [(target.x, target.y, target.radius - ROBOT_RADIUS) for target in lab.targets]
         return cls(world, tables_of(world.walls), np.array(targets).reshape(-1, 3))
@@ -86,7 +86,7 @@ class BatchPlan:
         angles: Floats,
         line_sensor: bool,
     ) -> BatchPlan:
-        """Work out the rest; a lab may be named any number of times."""
+        """Build the derived values; a lab may be named any number of times."""
         distinct = list(dict.fromkeys(labs))
         return cls(
             labs=tuple(LabPlan.build(lab) for lab in distinct),
@@ -111,7 +111,7 @@ class BatchPlan:
         return self._numbers[lab]
 
     def check(self, parameters: Parameters) -> None:
-        """Refuse parameters that ask for other arrays than those of the first world.
+        """Refuse parameters that need other arrays than those of the first world.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class BatchPlan:
                 raise ValueError(f"{name} must be the same in all worlds of a batch: {wanted}, {is_there}")
 
     def uses(self) -> list[tuple[str, int, bool]]:
-        """List what needs random numbers: its name, how many a cycle, whether they are normal."""
+        """List what needs random numbers: its name, how many per cycle, whether they are normal."""
         listed = [("motors", 2, True), ("infrared", SENSORS, True), ("compass", 1, True)]
         if self.shared.gps:
             listed.append(("gps", 2, True))

@@ -53,7 +53,7 @@ class BatchReadings:
 
     @classmethod
     def empty(cls, plan: BatchPlan, *, scored: bool) -> BatchReadings:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         worlds, shared = plan.worlds, plan.shared
         return cls(
             time=np.zeros(worlds, np.int64),
@@ -69,7 +69,7 @@ class BatchReadings:
         )
 
     def with_worlds(self, which: Integers, fresh: BatchReadings) -> BatchReadings:
-        """Make others, with those of some worlds from elsewhere."""
+        """Return readings in which some worlds' are replaced by others."""
         changed: dict[str, Any] = {}
         for name in self.__slots__:
             array = getattr(self, name)

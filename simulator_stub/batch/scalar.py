@@ -21,7 +21,7 @@ __all__ = ["line", "move", "sense"]
 
 
 def move(lab: LabPlan, robots: Integers, state: BatchState, noise: Floats | None) -> None:
-    """Let the motors run and the robots move, as `simulator_stub.batch.arrays.move`."""
+    """Apply the motors and move the robots, as `simulator_stub.batch.arrays.move`."""
     for robot in robots.tolist():
         right = (float(state.right_command[robot]) + float(state.right_output[robot])) / 2.0
         left = (float(state.left_command[robot]) + float(state.left_output[robot])) / 2.0

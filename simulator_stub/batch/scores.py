@@ -58,7 +58,7 @@ class BatchScores(Arrays):
 
     @staticmethod
     def basics(worlds: int) -> dict[str, Any]:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         arrays: dict[str, Any] = {
             name: np.zeros(worlds, np.int64) for name in ("score", "arrival_time", "returning_time")
         }
@@ -66,7 +66,7 @@ class BatchScores(Arrays):
         return arrays | {"leds": np.zeros((worlds, 3), np.bool_)}
 
     def begin(self, plan: BatchPlan, state: BatchState, worlds: Integers) -> None:
-        """Let worlds begin anew, with robots on their start positions."""
+        """Reset worlds, with robots on their start positions."""
         for array in (self.score, self.arrival_time, self.returning_time):
             array[worlds] = 0
         self.returning[worlds] = self.finished[worlds] = False
@@ -88,7 +88,7 @@ class BatchScores(Arrays):
         raise NotImplementedError
 
     def change_states(self, plan: BatchPlan, state: BatchState) -> None:
-        """Let LEDs end runs."""
+        """Apply LEDs that end runs."""
         self.finished |= self.leds[:, END]
 
 
@@ -115,7 +115,7 @@ class TargetScores(BatchScores):
 
     @classmethod
     def empty(cls, plan: BatchPlan) -> TargetScores:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         worlds = plan.worlds
         most = max(len(lab.targets) for lab in plan.labs)
         return cls(
@@ -127,7 +127,7 @@ class TargetScores(BatchScores):
         )
 
     def begin(self, plan: BatchPlan, state: BatchState, worlds: Integers) -> None:
-        """Let worlds begin anew."""
+        """Reset worlds."""
         super().begin(plan, state, worlds)
         self.arrival_distance[worlds] = 0.0
         self.departure[worlds] = 0
@@ -212,7 +212,7 @@ class TargetScores(BatchScores):
         return share_of_way(_way_home(plan, state, world), float(self.arrival_distance[world]))
 
     def change_states(self, plan: BatchPlan, state: BatchState) -> None:
-        """Let LEDs begin returns and end runs."""
+        """Apply LEDs that begin returns and end runs."""
         signals = np.flatnonzero(
             self.leds[:, RETURNING] & ~self.leds[:, END] & ~self.returning & ~self.finished
         )
@@ -246,14 +246,14 @@ class CircuitScores(BatchScores):
 
     @classmethod
     def empty(cls, plan: BatchPlan) -> CircuitScores:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         worlds = plan.worlds
         names = ("nodes", "coming", "reward", "penalty")
         numbers: dict[str, Any] = {name: np.zeros(worlds, np.int64) for name in names}
         return cls(**cls.basics(worlds), circuit=np.zeros((worlds, 1, 2), np.int64), **numbers)
 
     def begin(self, plan: BatchPlan, state: BatchState, worlds: Integers) -> None:
-        """Let worlds begin anew."""
+        """Reset worlds."""
         super().begin(plan, state, worlds)
         self.coming[worlds] = 1
         self.reward[worlds] = self.penalty[worlds] = 0

@@ -87,7 +87,7 @@ class BatchSimulation:
     Attributes
     ----------
     readings : BatchReadings
-        Of the last cycle; at first of time 0.
+        Readings of the last cycle; at first of time 0.
 
     Raises
     ------
@@ -195,7 +195,7 @@ class BatchSimulation:
         labs: Lab | Sequence[Lab] | None = None,
         parameters: Parameters | Sequence[Parameters] | None = None,
     ) -> BatchReadings:
-        """Let worlds begin anew; the others do not notice.
+        """Reset some worlds; the others are not affected.
 
         Parameters
         ----------
@@ -265,7 +265,7 @@ class BatchSimulation:
     # --- a cycle ------------------------------------------------------------------------------------------
 
     def step(self, commands: ArrayLike | None = None, leds: ArrayLike | None = None) -> BatchReadings:
-        """Do one cycle in all worlds.
+        """Run one cycle in all worlds.
 
         Parameters
         ----------
@@ -363,7 +363,7 @@ class BatchSimulation:
     # --- going back ---------------------------------------------------------------------------------------
 
     def snapshot(self) -> BatchSnapshot:
-        """Take down everything, random numbers to come included; cheap."""
+        """Return a snapshot of everything, including the random numbers to come; cheap."""
         return BatchSnapshot(
             self._plan,
             self._state.copy(),
@@ -373,7 +373,7 @@ class BatchSimulation:
         )
 
     def restore(self, snapshot: BatchSnapshot) -> None:
-        """Go back to a moment of this batch, as often as wanted.
+        """Restore a snapshot of this batch; any number of times.
 
         Parameters
         ----------

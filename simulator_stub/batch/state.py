@@ -21,7 +21,7 @@ class Arrays:
     """A record whose fields are arrays, mostly."""
 
     def copy(self) -> Self:
-        """Make an independent copy of all arrays."""
+        """Return an independent copy of all arrays."""
         arrays = {}
         for entry in fields(self):  # type: ignore[arg-type]
             value = getattr(self, entry.name)
@@ -55,11 +55,12 @@ class BatchState(Arrays):
     lab : array of int
         Number of the world's lab in the plan.
     motor_deviation, compass_deviation, obstacle_deviation, gps_deviation, beacon_deviation : array
-        Of the factor on the power, the heading in radians, the reading, the place, the bearing in radians.
+        Standard deviations of the factor on the power, the heading (radians), the reading, the position, the
+        bearing (radians).
     beacon_aperture : array
         Radians.
     line_probability : array
-        That an element of the line sensor is right.
+        Probability that an element of the line sensor is right.
     gps_offset : array, shape (worlds, 2)
         Units.
     sim_time : array of int
@@ -101,7 +102,7 @@ class BatchState(Arrays):
 
     @classmethod
     def empty(cls, plan: BatchPlan) -> BatchState:
-        """Make room for all worlds."""
+        """Create arrays for all worlds."""
         worlds = plan.worlds
         shapes: dict[str, Any] = {"start": (worlds, 3), "gps_offset": (worlds, 2)}
         types: dict[str, type] = {"Integers": np.int64, "Booleans": np.bool_, "Floats": np.float64}
@@ -141,7 +142,7 @@ class BatchState(Arrays):
             getattr(self, name)[which] = values
 
     def begin(self, which: Integers, poses: Floats) -> None:
-        """Put robots at rest on their starts, at time 0."""
+        """Place robots at rest on their starts, at time 0."""
         self.start[which] = poses
         self.x[which], self.y[which] = poses[:, 0], poses[:, 1]
         self.heading[which] = poses[:, 2] * math.pi / 180.0
@@ -153,7 +154,7 @@ class BatchState(Arrays):
         self.forget_late_readings(which)
 
     def copy(self) -> BatchState:
-        """Make an independent copy; readings under way are shared: they are replaced, never written to."""
+        """Return an independent copy; delayed readings are shared: they are replaced, never written to."""
         delays = {name: deque(queue) for name, queue in self.delays.items()}
         return replace(super().copy(), delays=delays)
 
@@ -163,7 +164,7 @@ class BatchState(Arrays):
         return (self.sim_time > 0) & (self.sim_time <= self.time)
 
     def delay(self, sensor: str, reading: NDArray[Any], robots: Integers | None) -> NDArray[Any]:
-        """Put readings in their queue and take the oldest out.
+        """Append readings to their queue and return the oldest.
 
         Parameters
         ----------
@@ -190,7 +191,7 @@ class BatchState(Arrays):
         return oldest
 
     def forget_late_readings(self, robots: Integers) -> None:
-        """Let the queues of some worlds begin anew."""
+        """Clear the queues of some worlds."""
         empty = {"ground": NOWHERE, "beacons": np.nan}
         for sensor, queue in self.delays.items():
             nothing = empty.get(sensor, 0)

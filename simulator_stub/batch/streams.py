@@ -40,7 +40,7 @@ class BatchNoise:
         }
 
     def copy(self) -> BatchNoise:
-        """Make another one that gives the same numbers from here on."""
+        """Return a copy that draws the same numbers from here on."""
         twin = BatchNoise.__new__(BatchNoise)
         twin._plan, twin._roots, twin._counts = self._plan, list(self._roots), self._counts
         twin._streams = {use: stream.copy() for use, stream in self._streams.items()}
@@ -53,7 +53,7 @@ class BatchNoise:
         given: Sequence[NoiseRoot] | None,
         state: BatchState,
     ) -> None:
-        """Let worlds begin anew, with new seeds or with fresh numbers of those that they have.
+        """Reset worlds, with new seeds or with fresh numbers of the seeds that they have.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class BatchNoise:
                 state.gps_offset[world] = offset
 
     def _counts_of_worlds(self, use: str, state: BatchState) -> list[int]:
-        """How many numbers a cycle each world draws; only beacons are not the same number everywhere."""
+        """Return how many numbers per cycle each world draws; only beacons differ between worlds."""
         if use != "beacons":
             return [self._counts[use]] * self._plan.worlds
         there = [len(lab.world.lab.beacons) for lab in self._plan.labs]

@@ -18,13 +18,13 @@ class Observer:
     """Looks on, and writes down what happens; the methods here do nothing."""
 
     def actions_read(self, simulation: Simulation) -> None:
-        """Look at a cycle after the actions are read, before anything moves."""
+        """Observe a cycle after the actions are read, before anything moves."""
 
     def cycle_done(self, simulation: Simulation) -> None:
-        """Look at a cycle after everything has moved and been measured, before anybody is told."""
+        """Observe a cycle after everything has moved and been measured, before clients receive it."""
 
     def world_ended(self, simulation: Simulation) -> None:
-        """Look at a world for the last time: it is about to begin anew, or the simulator ends."""
+        """Observe a world for the last time: it is about to be reset, or the simulator ends."""
 
     def close(self) -> None:
         """Finish the record."""
@@ -112,7 +112,7 @@ class WorldFile(Observer):
         self._length += len(text)
 
     def flush(self) -> None:
-        """Let others see what was written."""
+        """Flush the output, so that other programs see what was written."""
         if self._file is None or not self._pieces:
             return
         pieces = [piece.encode() for piece in self._pieces]

@@ -37,7 +37,7 @@ class Results(Observer):
     Attributes
     ----------
     seed : int or None
-        Of the run that is going on; None if it has none of its own, as after a Reset.
+        Seed of the run that is going on; None if it has none of its own, as after a Reset.
     runs : list of dict
         The runs so far, as they are in the result file.
     answers : callable or None
@@ -47,7 +47,7 @@ class Results(Observer):
     dropped : callable or None
         Tells what was dropped in this world, by what it was, and by robots' ids.
     losses : list of str
-        What is told of records that could not be kept so far; shared with those who keep them.
+        What is reported of records that could not be kept so far; shared with those who keep them.
     current : bool
         Whether the file holds all runs so far.
 
@@ -84,7 +84,7 @@ class Results(Observer):
             self._save()
 
     def world_ended(self, simulation: Simulation) -> None:
-        """Keep the outcome, write it down, and tell it."""
+        """Store the outcome, write it, and report it."""
         if simulation.time > 0:
             run = outcome(simulation) | {
                 "run": len(self.runs) + 1,
@@ -162,7 +162,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
 
 
 def summary(run: dict[str, Any]) -> list[str]:
-    """Put the outcome of a run into lines for people.
+    """Return the outcome of a run as lines of text.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class TruthFile(WorldFile):
         return HEADER + "\n"
 
     def actions_read(self, simulation: Simulation) -> None:
-        """Nothing has moved yet."""
+        """Do nothing: nothing has moved yet."""
 
     def cycle_done(self, simulation: Simulation) -> None:
         """Write down where everybody is."""

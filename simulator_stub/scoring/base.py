@@ -63,7 +63,7 @@ class Scoring:
         return False
 
     def collision_penalty(self, robot: Robot) -> int:
-        """Price of a collision that begins in this cycle; 0 if none does.
+        """Return the penalty of a collision that begins in this cycle; 0 if none does.
 
         Walls and robots are paid for separately, both if both are touched.
         """

@@ -56,7 +56,7 @@ class Progress:
     penalty: int = 0
 
     def reach(self, nodes: int = 1) -> None:
-        """Note that the coming node is reached; with two, that the one after it is, and it is skipped."""
+        """Record that the next node is reached, or the one after it, in which case the next is skipped."""
         self.reward += NODE_REWARD
         self.coming += nodes
         if self.coming >= len(self.circuit):
@@ -107,7 +107,7 @@ class CircuitScoring(Scoring):
 
 
 def trace(start: Node, turns: Sequence[int], is_open: Opening, most: int | None = None) -> Circuit:
-    """Go from node to node until the start is met again.
+    """Follow the links from node to node until the start is met again.
 
     Parameters
     ----------

@@ -15,5 +15,5 @@ class Competitive(TargetScoring):
     judges_returning = True
 
     def start_value(self) -> int:
-        """Points that a robot has before it does anything."""
+        """Return the points that a robot has before it does anything."""
         return TARGET_REWARD * (1 + len(self.world.lab.targets))

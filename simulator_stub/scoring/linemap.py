@@ -48,7 +48,7 @@ class LineMap:
 
     @property
     def links(self) -> Links[Node]:
-        """Which nodes are joined by lines, and how long these are."""
+        """Lines that start at each node: the node at the other end, and the length."""
         links: dict[Node, list[tuple[Node, float]]] = {}
         for node, directions in self._lines.items():
             links[node] = []

@@ -12,7 +12,7 @@ _CALLED = ("__init__", "begin", "update", "may_return")
 
 
 def find_scoring(scoring: int | str | type[Scoring], modes: Mapping[int, type[Scoring]]) -> type[Scoring]:
-    """Find a way of scoring.
+    """Find a scoring mode.
 
     Parameters
     ----------

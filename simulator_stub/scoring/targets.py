@@ -63,7 +63,7 @@ class TargetScoring(Scoring):
         self._accounts: dict[int, _Account] = {}
 
     def start_value(self) -> int:
-        """Points that a robot has before it does anything."""
+        """Return the points that a robot has before it does anything."""
         return 0
 
     def may_return(self, robot: Robot) -> bool:
@@ -139,7 +139,7 @@ class TargetScoring(Scoring):
 
 
 def share_of_way(way: float, arrival_distance: float) -> int:
-    """Way home as a percentage of what it was when the return began, rounded down.
+    """Compute the path home in percent of its length when the return began, rounded down.
 
     The real simulator keeps the way, and a hundred times it, in single precision, but not what it divides
     that by, so that the share may be 99 at the very place where the return began. It is 0 where the return

@@ -20,7 +20,7 @@ class TextMap:
         self._lines = [[BLANK] * columns for _ in range(rows)]
 
     def draw(self, dx: int, dy: int, character: str) -> None:
-        """Put a character at an offset from the middle; y goes up."""
+        """Draw a character at an offset from the middle; y goes up."""
         column, row = self._centre[0] + dx, self._centre[1] - dy
         if 0 <= row < len(self._lines) and 0 <= column < len(self._lines[row]):
             self._lines[row][column] = character

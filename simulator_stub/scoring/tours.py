@@ -94,7 +94,7 @@ def planning_text(drawing: TextMap, places: Sequence[Node], start: Node, links: 
     drawing : TextMap
         The map; the numbers are drawn into it.
     places : sequence of (column, row)
-        Of the targets, in their order.
+        Places of the targets, in their order.
     start : (column, row)
         What is in the middle of the map.
     links : mapping of node to sequence of (node, length)

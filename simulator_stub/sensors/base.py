@@ -64,24 +64,24 @@ class Sensor(ABC):
 
     @property
     def is_present(self) -> bool:
-        """Return whether the robot carries it at all; one that is not there can still be asked for."""
+        """Whether the robot carries it at all; an absent one can still be requested."""
         return True
 
     @property
     def request_names(self) -> tuple[str, ...]:
-        """What it is called in SensorRequests; empty if it cannot be asked for."""
+        """Names in SensorRequests; empty if the sensor cannot be requested."""
         return ()
 
     @abstractmethod
     def update(self, robot: Robot, scene: Scene) -> None:
-        """Measure."""
+        """Measure, and store the reading."""
 
     @abstractmethod
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
         """Add to the fields of this cycle's `Measures` what is to be sent."""
 
     def record(self, fields: dict[str, Any]) -> None:  # noqa: B027  # not every sensor is in the log
-        """Add to the fields of `Measures` what the log holds: the reading, asked for or not."""
+        """Add the log's fields of `Measures`: the reading, requested or not."""
 
 
 class Delay(Generic[Reading]):
@@ -101,7 +101,7 @@ class Delay(Generic[Reading]):
         self._queue: deque[Reading] = deque([empty] * latency)
 
     def pass_through(self, reading: Reading) -> Reading:
-        """Put a reading in and take the oldest out."""
+        """Append a reading and return the oldest."""
         if not self._queue:
             return reading
         self._queue.append(reading)

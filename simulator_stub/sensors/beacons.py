@@ -49,7 +49,7 @@ class BeaconSensors(Sensor):
 
     @property
     def is_present(self) -> bool:
-        """Return whether the parameters give the robot one."""
+        """Whether the parameters give the robot one."""
         return self._present
 
     @property
@@ -58,7 +58,7 @@ class BeaconSensors(Sensor):
         return tuple(f"Beacon{number}" for number in range(len(self._beacons)))
 
     def update(self, robot: Robot, scene: Scene) -> None:
-        """Look for the beacons, if the parameters give the robot the sensors."""
+        """Measure the beacons, if the parameters give the robot the sensors."""
         if self._present:
             draw = self.noise[scene.running].normal
             self.bearings = self._delay.pass_through(
@@ -81,7 +81,7 @@ class BeaconSensors(Sensor):
         return ray_distance_by_angles(walls.nearby, robot.x, robot.y, direction) < distance
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
-        """Report all, or those asked for."""
+        """Report all, or those requested."""
         if self._present:
             fields["beacons"] = tuple(
                 BeaconReading(beacon=number, bearing=angle)

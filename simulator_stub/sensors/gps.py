@@ -1,4 +1,4 @@
-"""The GPS: the robot's place, shifted by an offset it is not told. Draws two normals a cycle, x first."""
+"""The GPS: the robot's place, shifted by an unknown offset. Draws two normals a cycle, x first."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class GpsSensor(Sensor):
 
     @property
     def is_present(self) -> bool:
-        """Return whether the parameters give the robot one."""
+        """Whether the parameters give the robot one."""
         return self._present
 
     @property

@@ -30,7 +30,7 @@ class Hearing(Sensor):
         self._heard: tuple[HeardMessage, ...] = ()
 
     def update(self, robot: Robot, scene: Scene) -> None:
-        """Listen."""
+        """Deliver the messages heard."""
         if not (scene.speakers or self._heard):
             return
         self._heard = tuple(

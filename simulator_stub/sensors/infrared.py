@@ -73,7 +73,7 @@ class InfraredSensors(Sensor):
         )
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
-        """Report all four, or those asked for."""
+        """Report all four, or those requested."""
         if not self._requestable:
             fields["infrared"] = self.reading
         else:

@@ -1,4 +1,4 @@
-"""The line sensor: seven points across, in front of the centre, that tell painted lines from floor.
+"""The line sensor: seven points across, in front of the centre, that distinguish painted lines from floor.
 
 Draws seven uniforms a cycle, leftmost element first.
 """
@@ -55,7 +55,7 @@ class LineSensor(Sensor):
         self.reading = TEXTS[0]
 
     def update(self, robot: Robot, scene: Scene) -> None:
-        """Look at the seven points."""
+        """Measure at the seven points."""
         cosine, sine = math.cos(robot.heading), math.sin(robot.heading)
         ahead_x, ahead_y = robot.x + AHEAD * cosine, robot.y + AHEAD * sine
         marks = 0

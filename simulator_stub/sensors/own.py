@@ -56,7 +56,7 @@ def own_sensors(wanted: Iterable[type[Sensor] | str], taken: Iterable[str]) -> t
         if not isinstance(name, str) or not name:
             raise ValueError(f"{label}: {kind.__name__} has no `name`, which names its random numbers")
         if name in names:
-            raise ValueError(f"{label}: the name {name!r} is taken by another sensor")
+            raise ValueError(f"{label}: the name {name!r} is already used by another sensor")
         names.add(name)
         found.append(guarded(kind, label, _CALLED) if isinstance(item, str) else kind)
     return tuple(found)

@@ -1,4 +1,4 @@
-"""The score sensor: the robot's own score, as views are told it. No noise."""
+"""The score sensor: the robot's own score, as views receive it. No noise."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class ScoreSensor(Sensor):
 
     @property
     def is_present(self) -> bool:
-        """Return whether the parameters give the robot one."""
+        """Whether the parameters give the robot one."""
         return self._present
 
     def update(self, robot: Robot, scene: Scene) -> None:
-        """Nothing yet: scores are counted after the sensors."""
+        """Do nothing: scores are counted after the sensors."""
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
         """Report it if the parameters give the robot the sensor."""

@@ -20,7 +20,7 @@ NEWCOMER_BYTES = 2048
 """Of a connection without a registration: two registrations of the longest kind."""
 
 LEAST_COST = 80
-"""Bytes that a datagram counts for at the least: as many messages as a cycle takes (`MESSAGES`)."""
+"""Least number of bytes that a datagram counts for: as many messages as a cycle takes (`MESSAGES`)."""
 
 MESSAGES = 100
 """Messages of a robot that are looked at in a cycle; the rest is dropped and counted."""
@@ -58,7 +58,7 @@ DROPPED = (
 """What may be dropped, by the names in the result file."""
 
 SHORTEST_TICK = 0.005
-"""Seconds at the least between renewals by the clock."""
+"""Least number of seconds between renewals by the clock."""
 
 
 class Meter:
@@ -148,7 +148,7 @@ class Allowance:
         return self._left
 
     def spend(self, cost: int) -> bool:
-        """Take something off what `left` has just told; return whether it is used up."""
+        """Subtract from what `left` has just returned; return whether it is used up."""
         self._left -= cost
         return self._left <= 0
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 from simulator_stub.service.client_process import ClientProcess
 
 SETTLE = 0.002
-"""Seconds at the least that a message which may have a companion is given for it, where only time tells."""
+"""Least number of seconds to wait for the rest of an answer, where the simulator has to go by time."""
 
 SHORTEST_PATIENCE = 0.002
-"""Seconds at the least until a robot that has not answered is asked about (`ClientProcess`)."""
+"""Least number of seconds until the process of a robot without an answer is examined (`ClientProcess`)."""
 
 BLIND_PATIENCE = 0.01
-"""Seconds at the least that a robot is waited for that left Measures unanswered, where only time tells."""
+"""Least number of seconds to wait for a robot that left Measures unanswered, where it has to go by time."""
 
 FACTOR = 4.0
 """So many times its usual answer time a robot is waited for."""
@@ -102,7 +102,7 @@ class Answers:
         return {"unanswered": self.unanswered, "superseded": self.several, "late": self.late}
 
     def take(self, delay: float | None, now: float) -> None:
-        """Take in that messages have come: the first one of an answer, or more.
+        """Register that messages have come: the first one of an answer, or more.
 
         Parameters
         ----------

@@ -34,9 +34,9 @@ class Attendance:
         Parameters
         ----------
         time : int
-            Of its Measures, in cycles.
+            Time of its Measures, in cycles.
         messages : int
-            That came after them, and before the next ones.
+            Number of messages after them, and before the next ones.
         """
         if not messages:
             self.unanswered += 1

@@ -88,7 +88,7 @@ class Audience:
         self._notify = notify
 
     def admit(self, peer: Peer, registration: ViewRegistration | PanelRegistration, now: float) -> str | None:
-        """Take a view or a panel.
+        """Admit a view or a panel.
 
         Returns
         -------
@@ -112,7 +112,7 @@ class Audience:
         return None
 
     def _make_room(self, clients: list[ViewClient], now: float) -> bool:
-        """Make one leave that does not seem to be there any more."""
+        """Remove one that seems to have gone."""
         candidates = [
             client
             for client in clients
@@ -125,7 +125,7 @@ class Audience:
         return True
 
     def tick(self, now: float) -> None:
-        """Note who was heard, and let go of those that have gone."""
+        """Record who was heard, and remove those that have gone."""
         for client in (*self.views, *self.panels):
             if client.heard:
                 client.heard, client.asked, client.since = False, True, now
@@ -139,13 +139,13 @@ class Audience:
         self._dropped["views"] += 1
         if self._dropped["views"] <= 1:
             self._notify(
-                f"let go of a view at {client.peer.label}: {why} (told once; --result has the count)"
+                f"removed a view at {client.peer.label}: {why} (reported once; --result has the count)"
             )
         client.peer.close()
         self.forget_closed()
 
     def forget_closed(self) -> None:
-        """Forget those whose connection has ended."""
+        """Remove those whose connection has ended."""
         for clients in (self.views, self.panels):
             if any(client.peer.closed for client in clients):
                 clients[:] = [client for client in clients if not client.peer.closed]

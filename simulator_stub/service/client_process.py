@@ -1,4 +1,4 @@
-"""Return whether a client on this machine is at work: what Linux tells of the process that holds its socket.
+"""Whether a client on this machine is at work: what Linux reports of the process that holds its socket.
 
 The protocol does not say which Measures an answer belongs to, nor that it is complete. But a client that
 has nothing more to say waits for the next message, and Linux shows that: its thread sleeps, and nothing lies
@@ -138,7 +138,7 @@ class ClientProcess:
         return False
 
     def activity(self, *, all_threads: bool = False) -> Activity:
-        """Look at what the client does.
+        """Return what the client does.
 
         Parameters
         ----------
@@ -169,13 +169,13 @@ class ClientProcess:
         return found is not None and found[1] == 0
 
     def before_message(self) -> None:
-        """Note who rests before a message goes out, if it is not known yet who reads."""
+        """Record which processes are at rest before a message is sent, if the reader is not known yet."""
         if not self.truthful:
             with contextlib.suppress(OSError):
                 self._resting_before = {key for key, thread in self._threads.items() if not thread.activity()}
 
     def after_message(self) -> None:
-        """Note who was woken by the message."""
+        """Record which processes the message has woken."""
         resting, self._resting_before = self._resting_before, set()
         if not resting:
             return

@@ -85,7 +85,7 @@ class RobotClient:
         peer.serve_every_cycle()
 
     def take(self, data: bytes) -> None:
-        """Take a message as it arrives."""
+        """Process a message as it arrives."""
         if self.taken >= MESSAGES or len(self.messages) >= QUEUE_LIMIT:
             self.dropped += 1
             return
@@ -146,7 +146,7 @@ class ViewClient:
         peer.deliver = self.take
 
     def take(self, data: bytes) -> None:
-        """Take a message as it arrives."""
+        """Process a message as it arrives."""
         self.heard = True
         if not self.obeyed:
             return

@@ -79,5 +79,5 @@ class Kidnapper:
             )
 
     def world_ended(self, simulation: Simulation) -> None:
-        """Begin with the first one again."""
+        """Reset to the first kidnapping."""
         self._waiting = list(self._all)

@@ -54,7 +54,7 @@ STRIKES = 3
 """How often in a row the threads of a client may be found at work until they are no longer looked at."""
 
 IDLE_LIMIT = 0.5
-"""Seconds that a robot is waited for at the most while the simulator does not run."""
+"""Seconds of the longest wait for a robot while the simulator does not run."""
 
 Poll = Callable[[float], bool]
 """Wait that many seconds for messages and deliver them; False when the server is to stop.
@@ -93,7 +93,7 @@ class Pace(ABC):
         self._due = clock()
 
     def delays(self) -> str:
-        """Put the delays into words."""
+        """Return the delays as text."""
         return f"{self.late} cycles came late, by {self.lost} cycle times in all"
 
     @abstractmethod
@@ -134,7 +134,7 @@ class Lockstep(Pace):
     session, period, clock
         As in `Pace`.
     limit : float
-        Seconds that a robot is waited for; infinite for ever.
+        Seconds of the longest wait for a robot; infinite: without limit.
     adaptive : bool
         Whether a robot that leaves Measures unanswered is waited for a few of its own answer times only,
         unless it is known to be at work.
@@ -197,7 +197,7 @@ class Lockstep(Pace):
         self._known = dict(self.session.robots)
 
     def _before_measures(self) -> None:
-        """Take what has come while the cycle was computed: no answer to the Measures that go out now."""
+        """Read what came while the cycle was computed: it cannot answer the Measures that go out now."""
         running = self.session.simulation.state is SimulatorState.RUNNING
         if self._poll is None or self._certain or not running:
             self._sent = self._clock()
@@ -264,7 +264,7 @@ class Lockstep(Pace):
 
     @staticmethod
     def _note_answers(pending: list[RobotClient], delay: float | None, now: float) -> list[RobotClient]:
-        """Note who has answered; return who has not."""
+        """Record who has answered; return who has not."""
         still = []
         for client in pending:
             if client.answered:
@@ -383,14 +383,14 @@ class Lockstep(Pace):
             time = self.session.simulation.time
             self._notify(
                 f"robot {client.robot_id} left the Measures of time {time} unanswered: its last command "
-                "stays (told once; --result has the count)"
+                "stays (reported once; --result has the count)"
             )
 
     def _tell(self, client: RobotClient, what: str) -> None:
         time = self.session.simulation.time
         self._notify(
             f"robot {client.robot_id}: at time {time} a motor command {what} "
-            "(told once; --result has the count)"
+            "(reported once; --result has the count)"
         )
 
     def _awaited(self) -> list[RobotClient]:

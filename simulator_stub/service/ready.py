@@ -1,4 +1,4 @@
-"""Tell other programs that clients can register."""
+"""Report to other programs that clients can register."""
 
 from __future__ import annotations
 

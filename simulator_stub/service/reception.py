@@ -111,6 +111,6 @@ class Reception:
             yield newcomer, registration
 
     def put_back(self, newcomer: Newcomer, registration: Registration) -> None:
-        """Let a client wait on that was yielded, behind those that wait already."""
+        """Queue a yielded client again, behind those that wait already."""
         self._by_source[newcomer.source] += 1
         self._waiting.append((newcomer, registration))

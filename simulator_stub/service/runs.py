@@ -29,11 +29,11 @@ class Runs:
     session : Session
     results : Results
     seed : int
-        Of the first run; the next ones count up.
+        Seed of the first run; the next ones count up.
     most_silent : int or None
         Cycles in a row that a robot may leave unanswered before it counts as gone; None = any number.
     count : int
-        How many runs there are to be; 0 for going on for ever, whatever becomes of the robots.
+        Number of runs; 0: no limit, whatever happens to the robots.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Runs:
         self._farewell = FAREWELL
 
     def go_on(self) -> bool:
-        """Begin the next run if it is time; False if the last one is over."""
+        """Start the next run if it is time; return False if the last one is over."""
         if self._left == 0 or not self._over():
             self._farewell = FAREWELL
             return True

@@ -18,11 +18,11 @@ from simulator_stub.service.transports import TRANSPORTS, Transport
 ANY_PORT_ATTEMPTS = 20
 
 LOOKS = 100
-"""Messages of one client at the most that are taken before a cycle, however many there are."""
+"""Greatest number of messages of one client that are read before a cycle."""
 
 
 def open_transports(names: Sequence[str], host: str, port: int) -> list[Transport]:
-    """Listen on all transports, with one port number.
+    """Open all transports, with one port number.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class Server:
                 break
 
     def stop(self) -> None:
-        """Let `run` return without another cycle; may be called from anywhere."""
+        """Stop `run` without another cycle; may be called from anywhere."""
         self._stopping = True
         with contextlib.suppress(OSError):  # full: then it is going to wake up anyway
             self._alarm.send(b"\0")
@@ -147,7 +147,7 @@ class Server:
 
     @contextlib.contextmanager
     def stopping_on_signals(self) -> Iterator[None]:
-        """Let SIGINT and SIGTERM stop the server while the block runs; only in the main thread."""
+        """Stop the server on SIGINT and SIGTERM while the block runs; only in the main thread."""
         before_alarm = signal.set_wakeup_fd(self._alarm.fileno(), warn_on_full_buffer=False)
         before = {number: signal.getsignal(number) for number in ENDING}
         for number in before:

@@ -157,7 +157,7 @@ class Session:
         return 0 < self._autostart <= len(self.robots) and not self._autostarted
 
     def cycle(self) -> None:
-        """Do one cycle."""
+        """Run one cycle."""
         simulation = self.simulation
         before = simulation.state
         # Judged before anybody registers in this cycle: so every robot sees a stopped cycle first, however
@@ -170,7 +170,7 @@ class Session:
         if simulation.restart_requested and self._restarts:
             self._restart()
         elif simulation.restart_requested:
-            self._complain("a robot asked for a restart: there is none (--no-restart)")
+            self._complain("a robot requested a restart, which --no-restart disables")
         if self._kidnapper is not None:
             self._kidnapper.before_move(simulation)
         for observer in self.observers:
@@ -207,7 +207,7 @@ class Session:
         return self.robots[robot_id].attendance.document()
 
     def tick(self, now: float) -> None:
-        """Look after views that have gone; called once in a CycleTime or so.
+        """Remove views that have gone; called about once per CycleTime.
 
         Parameters
         ----------
@@ -268,7 +268,8 @@ class Session:
                 if not room_made:
                     self.make_room()
         if newcomer.faults == 0:
-            self._complain(f"registration from {newcomer.label} waits: no descriptor is left")
+            why = "no file descriptor is left; raise the limit (ulimit -n)"
+            self._complain(f"registration from {newcomer.label} waits: {why}")
         newcomer.faults += 1
         self._reception.put_back(newcomer, registration)
         return None
@@ -298,7 +299,7 @@ class Session:
         self._notify(f"robot {robot_id}, {name!r}, registered from {peer.label}")
 
     def _tell_of_start(self) -> None:
-        """Say once what a robot that is there waits for."""
+        """Report once what a registered robot waits for."""
         if self.simulation.state is not SimulatorState.STOPPED or self.start_is_due:
             return
         self._told_of_start = True
@@ -317,7 +318,7 @@ class Session:
         if self._complaints <= COMPLAINT_LIMIT:
             self._notify(line)
         if self._complaints == COMPLAINT_LIMIT:
-            self._notify("from here on, what is broken or refused is not reported")
+            self._notify("further broken or refused messages are not reported")
 
     def _read_commands(self) -> None:
         views = self.audience.views
@@ -353,14 +354,14 @@ class Session:
                 self.reset()
 
     def _restart(self) -> None:
-        """Begin again with everybody still registered: what ``Reset="On"`` of a robot asks for."""
+        """Restart with all clients still registered: the effect of a robot's ``Reset="On"``."""
         self._end_world()
         for client in self.robots.values():
             client.attendance = Attendance()
         self.simulation.restart()
         for view in self.views:
             view.peer.send(encode(Restart()))
-        self._notify("restart, as a robot asked for")
+        self._notify("restart, as requested by a robot")
 
     def _end_world(self) -> None:
         if self._kidnapper is not None:
@@ -373,12 +374,12 @@ class Session:
             client.dropped = 0
 
     def reset(self, seed: int | None = None) -> None:
-        """Forget all clients and begin again.
+        """Reset: forget all clients and begin again.
 
         Parameters
         ----------
         seed : int, optional
-            Of the new world; by default it follows from the old one.
+            Seed of the new world; by default it follows from the old one.
         """
         self._end_world()
         for view in self.views:
@@ -416,4 +417,4 @@ class Session:
 
 
 def _nothing() -> None:
-    """Have nothing to do."""
+    """Do nothing."""

@@ -16,7 +16,7 @@ _SECONDS = 5.0
 
 @contextlib.contextmanager
 def viewer_beside(address: str, http: str, token: str | None = None) -> Iterator[None]:
-    """Let a viewer run while the block does.
+    """Run a viewer while the block runs.
 
     What the viewer prints (where the page is) goes to our standard output. If it cannot start, it says so
     itself, and the simulator goes on without it.
@@ -28,7 +28,7 @@ def viewer_beside(address: str, http: str, token: str | None = None) -> Iterator
     http : str
         [HOST:]PORT of the page, as the viewer's option ``--http`` takes it.
     token : str or None
-        That the simulator wants of views; handed on in the environment, where others cannot read it.
+        Token that the simulator requires of views; passed in the environment, where others cannot read it.
     """
     options = ("--simulator", address, "--http", http, "--until-eof")
     # It ends when this pipe does: the system closes it even if we are killed.

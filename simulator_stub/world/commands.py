@@ -44,7 +44,7 @@ def messages_of(robot_id: int, wanted: Any) -> Iterable[Actions]:
     robot_id : int
         For the error.
     wanted : Actions, iterable of Actions, or (float, float)
-        Two numbers are left and right motor command in units a cycle.
+        Two numbers are left and right motor command in units per cycle.
 
     Returns
     -------

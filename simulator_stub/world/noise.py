@@ -64,7 +64,7 @@ class NoiseRoot:
         return NoiseRoot(self.entropy, self.world + 1)
 
     def generator(self, robot_id: int, use: str, *, running: bool = True) -> np.random.Generator:
-        """Make the generator of one stream.
+        """Create the generator of one stream.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class Stream:
         return self._normals[begin:end]
 
     def uniforms(self, count: int) -> NDArray[np.float64]:
-        """Return the next numbers uniform in [0, 1), drawn when they are asked for: ask for many."""
+        """Return the next numbers uniform in [0, 1), drawn when requested: request many at a time."""
         return self._source().random(count)
 
     def _source(self) -> np.random.Generator:
@@ -138,7 +138,7 @@ class Stream:
 
 
 def streams(root: NoiseRoot, robot_id: int, use: str) -> tuple[Stream, Stream]:
-    """Make the two streams of one use: ``streams(...)[running]`` is the one for a cycle."""
+    """Create the two streams of one use: ``streams(...)[running]`` is the one for a cycle."""
     return (
         Stream(root, robot_id, use, running=False),
         Stream(root, robot_id, use, running=True),

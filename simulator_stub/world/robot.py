@@ -39,7 +39,7 @@ class Robot:
     end_led, returning_led, visiting_led : bool
         As last commanded.
     touches_wall, touches_robot : bool
-        What stopped it in the last running cycle.
+        Whether a wall, or a robot, stopped it in the last running cycle.
     collided_before : bool
         Whether anything had stopped it in the running cycle before that.
     collisions : int
@@ -48,11 +48,11 @@ class Robot:
         The current state, and the one that follows a pause.
     removal_requested : bool
     request_names : frozenset of str
-        What can be asked for: the names of all its sensors in SensorRequests.
+        Names of all its sensors in SensorRequests.
     requests, requests_left : set of str, int
-        What it asked for in this cycle, as far as the limit allowed, and what is left of the limit.
+        Sensors requested in this cycle, within the limit, and the rest of the limit.
     said : str or None
-        What it says in this cycle.
+        Text that the robot says in this cycle.
     received : set of str
         Which motors and LEDs were commanded in this cycle, as the fields of `Actions` are called.
     motor_noise : Stream
@@ -142,7 +142,7 @@ class Robot:
 
     @property
     def heading_degrees(self) -> float:
-        """The true heading as views are told it."""
+        """True heading as views receive it."""
         return self.heading * 180.0 / math.pi
 
     @property
@@ -183,14 +183,14 @@ class Robot:
         )
 
     def begin_cycle(self, request_limit: int) -> None:
-        """Forget what lasts one cycle only."""
+        """Reset what lasts one cycle only."""
         self.requests.clear()
         self.requests_left = request_limit
         self.said = None
         self.received.clear()
 
     def apply(self, actions: Actions) -> None:
-        """Take one message of the robot; what it does not mention stays as it is."""
+        """Apply one message of the robot; what it does not mention stays as it is."""
         if actions.left_motor is not None:
             self.left_command = _usable(actions.left_motor)
             self.received.add("left_motor")

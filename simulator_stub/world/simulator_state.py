@@ -64,11 +64,11 @@ class SimulatorStateMachine:
         return self.current is not SimulatorState.RUNNING
 
     def handle(self, event: SimulatorEvent) -> None:
-        """Let an event choose the coming state, if it counts in the current one."""
+        """Handle an event: set the coming state, if the event counts in the current one."""
         chosen = TRANSITIONS.get((self.current, event))
         if chosen is not None:
             self.coming = chosen
 
     def close_cycle(self) -> None:
-        """Make the coming state the current one."""
+        """Set the current state to the coming one."""
         self.current = self.coming

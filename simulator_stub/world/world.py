@@ -29,9 +29,9 @@ class World:
     walls : WallMap
         The obstacles of the lab, border included.
     floor : Floor
-        What line sensors see.
+        Floor as line sensors see it.
     distances : callable
-        Of x, y and the axes of IR sensors in radians: the distances that they take.
+        Function of x, y and the axes of IR sensors in radians: the distances that they measure.
     """
 
     lab: Lab
@@ -46,7 +46,7 @@ class World:
     def build(
         cls, lab: Lab, grid: StartGrid, parameters: Parameters | None, *, compiled: bool = False
     ) -> World:
-        """Put the pieces together and index the walls; TypeError names what is something else."""
+        """Build the world from its parts and index the walls; TypeError names an argument of a wrong type."""
         parameters = Parameters() if parameters is None else parameters
         for name, value, kind in (
             ("lab", lab, Lab),

@@ -364,7 +364,7 @@ def parse_faults(text: str) -> Faults:
     for part in filter(None, text.split(",")):
         name, _, value = part.partition("=")
         if name not in kinds:
-            raise argparse.ArgumentTypeError(f"{name!r} is none of {', '.join(kinds)}")
+            raise argparse.ArgumentTypeError(f"{name!r} is not one of {', '.join(kinds)}")
         if name == "outages":
             values[name] = tuple(tuple(map(float, span.split(":"))) for span in value.split("/"))
         elif name == "digits":

@@ -192,9 +192,9 @@ def test_the_program(tmp_path, monkeypatch):
     [
         ([], "there is no command line; write it after --"),
         (["--"], "there is no command line; write it after --"),
-        (["--row", "lots", "--", "true"], "there is no such row; .*did you mean 'lost'"),
+        (["--row", "lots", "--", "true"], "no such row; .*did you mean 'lost'"),
         (["--", "true", "{hots}"], "these can be filled in: {host}"),
-        (["--folder", "nowhere", "--", "true"], "--folder nowhere: there is no such folder"),
+        (["--folder", "nowhere", "--", "true"], "--folder nowhere: no such folder; check the path"),
         (["--json", "nowhere/x.json", "--", "true"], "cannot be written: no such folder"),
         (["--lab", "mazze", "--", "true"], "did you mean 'maze'"),
         (["--patience", "nan", "--", "true"], "'nan' is not a number of seconds"),

@@ -37,7 +37,9 @@ def test_the_first_belief_is_right(capsys):
     believed, true = (
         [float(number) for number in re.findall(pattern, line)]
         for pattern, line in zip(
-            (r"(?:x|y|heading)=(-?[\d.]+)", r"-?\d+\.\d*"), capsys.readouterr().out.splitlines(), strict=True
+            (r"(?:x|y|heading)=(-?\d+\.?\d*)", r"-?\d+\.\d*"),
+            capsys.readouterr().out.splitlines(),
+            strict=True,
         )
     )
     assert believed[:3] == pytest.approx(true, abs=0.1)

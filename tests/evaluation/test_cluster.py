@@ -154,7 +154,7 @@ def test_an_interrupted_evaluation_ends_at_once_and_takes_its_tasks_back(tasks, 
             finally:
                 process.kill()
         assert process.returncode == 130
-        assert error == "\nciberrato-evaluate: interrupted; the same command goes on from here\n"
+        assert error == "\nciberrato-evaluate: interrupted; the same command continues from here\n"
         wait_until(lambda: not one.scheduler.tasks)
         released.set()
     assert len(begun) == 2

@@ -142,7 +142,7 @@ def test_a_filter_that_was_changed_is_run_again(work, capsys):
             ["--filter", "own_filter:number"],
             "filter own_filter:number: 7 is not a function that makes a filter",
         ),
-        (["--filter", "own_filter:Midle"], "there is no 'Midle' in own_filter; did you mean 'Middle'?"),
+        (["--filter", "own_filter:Midle"], "own_filter has no 'Midle'; did you mean 'Middle'?"),
         (
             ["--filter", "no_such_module:make"],
             "cannot be loaded: ModuleNotFoundError: No module named 'no_such",
@@ -156,7 +156,7 @@ def test_a_filter_that_was_changed_is_run_again(work, capsys):
         (["--set", "MotorsNoise=-1"], "is below 0: write a standard deviation"),
         (["--set", "MotorsNoise=1", "--set", "MotorsNoise=2"], "a parameter is set twice"),
         (["--table", "x.txt"], "its name ends in .csv or .parquet"),
-        (["--table", "no/x.csv"], "there is no folder no"),
+        (["--table", "no/x.csv"], "no folder no; create it"),
     ],
 )
 def test_what_cannot_be_used_is_one_line_before_anything_is_run(work, capsys, words, said):
@@ -269,7 +269,7 @@ def test_what_is_no_table_is_told(work):
     (work / "x.csv").write_text("a,b\n1,2\n")
     with pytest.raises(LabError, match="not a table of outcomes"):
         read_results("x.csv")
-    with pytest.raises(UsageError, match="there is no such file"):
+    with pytest.raises(UsageError, match="no such file; check the path"):
         read_results("y.csv")
     with pytest.raises(TypeError, match="path: 7 is not"):
         read_results(7)
@@ -314,7 +314,7 @@ def test_sigterm_leaves_neither_processes_nor_files(work):
         process.kill()
         process.wait()
     assert process.returncode == 143
-    assert "terminated; the same command goes on from here" in error
+    assert "terminated; the same command continues from here" in error
     assert "Traceback" not in error
     until = time.monotonic() + 60.0
     while any(Path(f"/proc/{child}").exists() for child in children) and time.monotonic() < until:

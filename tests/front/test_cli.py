@@ -28,7 +28,7 @@ def test_help_lists_them(words, capsys):
 def test_a_command_that_is_none_is_one_line(capsys):
     assert cli.main(["labyrinth"]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("ciberrato: there is no command 'labyrinth'; there are demo, simulator")
+    assert said.startswith("ciberrato: unknown command 'labyrinth'; choose one of demo, simulator")
     assert said.count("\n") == 1
 
 

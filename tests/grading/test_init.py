@@ -32,7 +32,7 @@ def repository(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_course_can_be_graded_as_it_is(repository):
-    assert "is there already" in run("init", repository, expect=2).stderr
+    assert "already exists" in run("init", repository, expect=2).stderr
     said = run(repository / "course.toml", "--quiet", "--compare", "follower", "classic").stdout
     assert "follower against classic:" in said
     assert "4 pairs" in said

@@ -239,4 +239,4 @@ def test_without_git_one_line_says_so(tmp_path, repository, monkeypatch):
     path = course(tmp_path, repository.as_uri())
     monkeypatch.setenv("PATH", os.devnull)
     _, (fault,) = fetched(path)
-    assert fault == "ana: there is no git here; install it"
+    assert fault == "ana: git is not installed; install it"

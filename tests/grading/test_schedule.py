@@ -110,7 +110,7 @@ def course(tmp_path, text=HEAD + AGENTS):
         ("[tournament]\nplaces = 'any'\n", "places: one of rotate, draw"),
         ("[tournament]\npoints = [1, 'x']\n", "points: a list of numbers"),
         ("[tournament]\npoints = [1, 3]\n", "a place must not be worth less than one behind it"),
-        ("[tournament]\nround = 1\n", "there is no entry 'round'"),
+        ("[tournament]\nround = 1\n", "unknown entry 'round'"),
     ],
 )
 def test_what_is_wrong_in_the_table_is_told(tmp_path, text, what):

@@ -193,11 +193,11 @@ def test_episodes_are_drawn_from_the_options() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"task": "navigte"}, "no task 'navigte'.*navigate"),
+        ({"task": "navigte"}, "unknown task 'navigte'.*navigate"),
         ({"labs": []}, "there must be one at least"),
         ({"labs": "maz"}, "neither a file nor a lab"),
         ({"labs": HALL}, "'hall' has no start grid"),
-        ({"starts": "anywhere"}, "none of grid, free, circuit"),
+        ({"starts": "anywhere"}, "one of grid, free, circuit"),
         ({"starts": [(1.0, 2.0)]}, "is not x, y in units and a direction"),
         ({"task": "circuit", "labs": "twins"}, "there is no start of the kind 'circuit'"),
         ({"noise": (2.0, 1.0)}, "nor a range"),
@@ -237,11 +237,11 @@ def test_resets_check_their_options() -> None:
     env = CiberRatoEnv()
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step([0.0, 0.0])
-    with pytest.raises(UsageError, match="lab: 'twins' is none of maze"):
+    with pytest.raises(UsageError, match="lab: 'twins' is not one of maze"):
         env.reset(options={"lab": "twins"})
-    with pytest.raises(UsageError, match="options: speed"):
+    with pytest.raises(UsageError, match="options: unknown speed"):
         env.reset(options={"speed": 3})
-    with pytest.raises(ValueError, match="render_mode 'ansi' is none of"):
+    with pytest.raises(ValueError, match="render_mode 'ansi' is not one of"):
         CiberRatoEnv(render_mode="ansi")
 
 

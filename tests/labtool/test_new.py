@@ -150,7 +150,7 @@ def test_the_program_writes_two_files_and_none_over_another(
     assert (tmp_path / "b_lab.xml").read_bytes() == before.replace(b'"a"', b'"b"')
     capsys.readouterr()
     assert main(words) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
     assert main([*words, "--force"]) == 0
 
 

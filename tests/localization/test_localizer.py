@@ -122,5 +122,5 @@ def test_wrong_shapes_and_presets_are_errors():
     truth = table(np.random.default_rng(0))
     with pytest.raises(ValueError, match="3 readings a step for 4 sensors"):
         localize([[1.0, 2.0, 3.0]], truth)
-    with pytest.raises(ValueError, match="no preset 'best'"):
+    with pytest.raises(ValueError, match="unknown preset 'best'"):
         localize([], truth, preset="best")

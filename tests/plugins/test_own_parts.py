@@ -156,7 +156,7 @@ def test_a_broken_sensor_is_one_line(broken):
         folder, *words, "los"
     )
     said = refused(folder, *words, "own_broken.named:Second")
-    assert "the name 'compass' is taken by another sensor" in said
+    assert "the name 'compass' is already used by another sensor" in said
 
 
 def test_a_broken_scoring_mode_is_one_line(broken):
@@ -270,9 +270,7 @@ def test_a_broken_drive_is_one_line(broken):
 def test_a_name_that_is_taken_is_one_line_even_if_the_built_in_one_is_meant(broken, group, name, words):
     folder = broken(**{group: {name: "own_broken.odd:failing"}})
     said = refused(folder, *words)
-    assert (
-        f"{name!r} (own_broken.odd:failing, own-broken 1.0): the name is taken by one that is built" in said
-    )
+    assert f"{name!r} (own_broken.odd:failing, own-broken 1.0): the name is used by one that is built" in said
 
 
 def test_two_distributions_with_one_name_are_told(tmp_path, monkeypatch):

@@ -433,7 +433,7 @@ def test_signals_at_any_moment_of_the_start_end_it_quietly(processes: list[Proce
 @pytest.mark.parametrize(
     ("arguments", "address", "told"),
     [
-        pytest.param([], "127.0.0.1", "only programs on this machine are heard", id="default"),
+        pytest.param([], "127.0.0.1", "only programs on this machine can connect", id="default"),
         pytest.param(["--bind", "127.0.0.1"], "127.0.0.1", None, id="said"),
         pytest.param(["--bind", "127.0.0.2"], "127.0.0.2", None, id="another-loopback"),
     ],

@@ -341,7 +341,7 @@ def test_an_unanswered_measures_costs_no_more_than_real_time_and_then_less(
     assert costs[1:] == pytest.approx([BLIND_PATIENCE] * 3)
     assert [line for line in notices if "unanswered" in line] == [
         "robot 1 left the Measures of time 5 unanswered: its last command stays "
-        "(told once; --result has the count)"
+        "(reported once; --result has the count)"
     ]
     assert pace.counts(1) == {"unanswered": 4, "superseded": 0, "late": 0}
 

@@ -269,7 +269,7 @@ def test_side_by_side_on_several_processes(project, pytester):
         ("seeds=[1, 1]", "seeds=[1, 1]: different whole numbers"),
         ("seeds='12'", "seeds='12': different whole numbers"),
         ("seeds=0", "seeds=0: different whole numbers"),
-        ("labb='maze'", "there is no option 'labb'; did you mean 'lab'?"),
+        ("labb='maze'", "unknown option 'labb'; did you mean 'lab'?"),
         ("'maze'", "options have names, as in lab='maze'"),
     ],
 )
@@ -296,14 +296,14 @@ def test_seeds_of_a_test_without_runs_are_a_mistake(project):
     ("call", "words"),
     [
         ("'x', lab='mazze'", "'mazze' is neither a file nor a lab that ships"),
-        ("'x', laps=3", "ciberrato_run: there is no option 'laps'; did you mean 'lab'?"),
-        ("'x', scoring=9", "scoring=9: there is no such mode"),
+        ("'x', laps=3", "ciberrato_run: unknown option 'laps'; did you mean 'lab'?"),
+        ("'x', scoring=9", "scoring=9: no such mode"),
         ("'x', settings={'SimTimes': 3}", "SimTimes"),
-        ("'x', folder='nowhere'", "folder='nowhere': there is no folder"),
+        ("'x', folder='nowhere'", "folder='nowhere': no such folder"),
         ("'x {hots}'", "'{hots}': these can be filled in: {host}"),
         ("''", "the command line is empty"),
         ("'x', memory=0", "memory=0: a number greater than 0 was expected"),
-        ("'x', sandbox='walls'", "sandbox='walls': there is no such sandbox"),
+        ("'x', sandbox='walls'", "sandbox='walls': no such sandbox"),
         ("'x', lab='maps/maze_lab.xml'", "maze_lab.xml"),
     ],
 )

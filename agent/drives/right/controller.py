@@ -40,13 +40,13 @@ class Controller:
         self._colliding = 0
 
     def sent(self, time: float) -> None:
-        """Note when the last answer left; see `Exchange.sent`."""
+        """Record when the last answer was sent; see `Exchange.sent`."""
         self.exchange.sent(time)
 
     def observe(
         self, measures: Measures, *, newest: bool = True, arrived: float | None = None
     ) -> tuple[Cycle, Actions | None]:
-        """Take in one message and decide on the answer.
+        """Process one message and decide on the answer.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ def make_cycle(
     answered: bool,
     phase: str,
 ) -> Cycle:
-    """Put a message, and what became of it, on record.
+    """Record a message and its outcome.
 
     Parameters
     ----------

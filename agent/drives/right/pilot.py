@@ -27,7 +27,7 @@ class Pilot:
     Parameters
     ----------
     cruise : float
-        Motor command for driving straight on, units a cycle.
+        Motor command for driving straight on, units per cycle.
     """
 
     def __init__(self, cruise: float) -> None:
@@ -55,7 +55,7 @@ class Pilot:
         return _command(speed - turn / 2.0, speed + turn / 2.0)
 
     def _landing_speed(self, tracker: CellTracker, most: float) -> float:
-        """Command, near cruising speed, with which a cycle ends exactly at the next cell's centre.
+        """Return a command, near cruising speed, with which a cycle ends exactly at the next cell's centre.
 
         With a command u, n cycles from the speed v lead over n u + (v - u)(1 - 2^-n).
         """

@@ -58,7 +58,7 @@ class Explanation(NamedTuple):
     slope : (float, float, float)
         Derivative of the expected reading by the state.
     variance : float
-        Of the reading, the state being known.
+        Variance of the reading, the state being known.
     """
 
     prior: float
@@ -86,16 +86,16 @@ class RowKalmanFilter:
 
     @property
     def speed(self) -> float:
-        """Units a cycle in the last cycle simulated, as far as the commands say."""
+        """Units per cycle in the last cycle simulated, according to the commands."""
         return (self.left + self.right) / 2.0
 
     @property
     def turn(self) -> float:
-        """Radians a cycle in the last cycle simulated, as far as the commands say."""
+        """Radians per cycle in the last cycle simulated, according to the commands."""
         return self.right - self.left
 
     def pose(self, age: int = 0) -> Pose:
-        """Pose `age` cycles ago, in the light of everything known now."""
+        """Return the pose `age` cycles ago, given everything known now."""
         return Pose(*self._past[max(-1 - age, -len(self._past))])
 
     def deviations(self) -> Vector:
@@ -111,11 +111,11 @@ class RowKalmanFilter:
         ]
 
     def widen_heading(self, variance: float) -> None:
-        """Trust the heading less by so much (radians squared)."""
+        """Add variance (radians squared) to the heading."""
         self.covariance[2][2] += variance
 
     def stand(self) -> None:
-        """Let a cycle pass in which nothing moves."""
+        """Predict over a cycle in which nothing moves."""
         self._past.append(self._past[-1])
 
     def move(self, command: tuple[float, float], *, blocked: bool = False) -> None:
@@ -127,7 +127,7 @@ class RowKalmanFilter:
         Parameters
         ----------
         command : (float, float)
-            Left and right motor command in effect, in units a cycle.
+            Left and right motor command in effect, in units per cycle.
         blocked : bool
             Whether a collision kept the robot in its place; it turns all the same.
         """
@@ -160,7 +160,7 @@ class RowKalmanFilter:
         ]
 
     def correct(self, explanations: Sequence[Explanation], clutter: float = 0.0) -> None:
-        """Take a reading into account.
+        """Correct with a reading.
 
         Each explanation is a Kalman update of its own; the result is the normal distribution with mean and
         covariance of their mixture.

@@ -21,7 +21,7 @@ from ciberrato.world.parameters import Parameters
 
 _DEGREE = math.pi / 180.0
 _ALIGNED = 1.0 * _DEGREE
-_AT_REST = 0.001  # units a cycle
+_AT_REST = 0.001  # units per cycle
 _STOPPED_SHORT = 0.3  # units before a centre at which a robot at rest counts as being there
 _OLDEST_READING = 5  # cycles; how old a reading on request may be and still belong to a crossing
 _PATIENCE = 10  # messages to wait at the start for readings on request
@@ -93,7 +93,7 @@ class CellTracker:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is now."""
+        """Current pose of the robot."""
         return self._filter.pose()
 
     @property
@@ -103,12 +103,12 @@ class CellTracker:
 
     @property
     def speed(self) -> float:
-        """Units a cycle, as far as the commands say."""
+        """Units per cycle, according to the commands."""
         return self._filter.speed
 
     @property
     def turn(self) -> float:
-        """Radians a cycle, as far as the commands say."""
+        """Radians per cycle, according to the commands."""
         return self._filter.turn
 
     @property
@@ -134,13 +134,13 @@ class CellTracker:
 
     @property
     def aligned(self) -> bool:
-        """Return whether the robot looks to the right, as well as can be told."""
+        """Whether the robot heads to the right, as far as the estimate is certain."""
         if abs(self.pose.heading) > _ALIGNED:
             return False
         return not self._moved or self.deviations[2] < 0.7 * _DEGREE or self._rest > _SETTLED
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> Crossing | None:
-        """Take in one message.
+        """Process one message.
 
         Parameters
         ----------
@@ -184,13 +184,13 @@ class CellTracker:
         self._surprises.append(innovation / math.sqrt(self.deviations[2] ** 2 + self._compass_variance))
         mean = sum(self._surprises) / len(self._surprises)
         if len(self._surprises) == self._surprises.maxlen and abs(mean) > 1.25:
-            # Five standard deviations off: the start heading was taken for a right angle and is none.
+            # Five standard deviations off: the start heading counted as a right angle, but is none.
             self._filter.widen_heading(mean**2 * self._compass_variance)
             self._surprises.clear()
         self._filter.correct([Explanation(1.0, innovation, (0.0, 0.0, 1.0), self._compass_variance)])
 
     def _find_start_heading(self, degrees: float) -> None:
-        """Average the compass until the robot moves; a right angle in reach is taken for the true heading."""
+        """Average the compass until the robot moves; a right angle in reach counts as the true heading."""
         if self._compass_first is None:
             self._compass_first = degrees
         self._compass_count += 1

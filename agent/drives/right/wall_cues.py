@@ -30,7 +30,7 @@ _OPEN_READING = 0.6  # walls that do not face the sensor come to this in a corri
 
 
 def reading_variance(obstacle_noise: float) -> float:
-    """Variance of an IR reading around 1/distance.
+    """Compute the variance of an IR reading around 1/distance.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def side_explanations(reading: float, side: int, pose: Pose, variance: float) ->
     pose : Pose
         Where the robot was when it took the reading.
     variance : float
-        Of the reading.
+        Variance of the reading.
 
     Returns
     -------
@@ -80,14 +80,14 @@ def side_explanations(reading: float, side: int, pose: Pose, variance: float) ->
 
 
 def _beside(pose: Pose, deviations: tuple[float, float, float]) -> float:
-    """Most that the sensor ahead reads of a wall along the row, which an outer ray of its cone meets."""
+    """Compute the greatest front reading of a wall along the row, which an outer ray of the cone meets."""
     angle = _HALF_APERTURE + abs(pose.heading) + deviations[2]
     free = max(FACE - abs(pose.lateral) - deviations[1], _SENSOR_OFFSET)
     return math.sin(angle) / free
 
 
 def clutter(reading: float) -> float:
-    """Probability density, by distance, of a reading that no wall along or across the row explains.
+    """Compute the density, by distance, of a reading that no wall along or across the row explains.
 
     The ends of walls beyond the row's edge come to readings up to 2; nothing that is not in the way can be
     nearer.
@@ -112,7 +112,7 @@ class WallAhead:
     """
 
     SURE = 3.0
-    """Evidence that is taken for certain (odds of 20 to 1)."""
+    """Evidence that counts as certain (odds of 20 to 1)."""
 
     _MOST = 12.0
 
@@ -132,7 +132,7 @@ class WallAhead:
         return self._evidence > self.SURE
 
     def observe(self, reading: float, pose: Pose, deviations: tuple[float, float, float]) -> None:
-        """Take a reading of the sensor that looks ahead.
+        """Process a reading of the front sensor.
 
         Parameters
         ----------

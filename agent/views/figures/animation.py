@@ -235,7 +235,7 @@ class _Scene:
         return None if self._poses is None else self._poses[index]
 
     def _ring_truth(self, index: int) -> None:
-        """Ring the true cell at the moment of the belief: the robot is on its way from there."""
+        """Draw a ring around the true cell at the moment of the belief: the robot is leaving it."""
         time = self._moments[self._shown[index]][1]
         if self._truth is None or time is None:
             return

@@ -33,7 +33,7 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def figure_kind(path: Path) -> str:
-    """Return the format that a figure's file asks for by its ending.
+    """Return the format of a figure's file, by its ending.
 
     Raises
     ------

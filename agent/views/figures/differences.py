@@ -47,7 +47,7 @@ def difference_panels(
     lab : Lab or None
         Whose walls to draw.
     names : (str, str)
-        Of the first and the second file.
+        Names of the first and the second file.
 
     Raises
     ------

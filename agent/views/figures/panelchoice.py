@@ -34,7 +34,7 @@ class Choice(NamedTuple):
 
 
 def without_tail(quiet: Sequence[bool], reason: str) -> Choice:
-    """Leave out the quiet end of a run but for its first block, from which on it is quiet, and its last.
+    """Remove the quiet end of a run except its first block, from which on it is quiet, and its last.
 
     Parameters
     ----------

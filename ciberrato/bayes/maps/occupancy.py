@@ -78,7 +78,7 @@ class OccupancyGrid:
         origin: tuple[float, float] = (0.0, 0.0),
         threshold: float | tuple[float, float] | None = None,
     ) -> OccupancyGrid:
-        """Make a grid of an array [row, column], row 0 the southernmost, as labs and map servers."""
+        """Create a grid from an array [row, column], row 0 the southernmost, as labs and map servers."""
         return cls(occupied=np.asarray(rows).T, cell=cell, origin=origin, threshold=threshold)
 
     def distance_field(self) -> FloatArray:

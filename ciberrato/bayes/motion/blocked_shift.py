@@ -75,7 +75,7 @@ class Openings:
 
     @classmethod
     def free(cls, rows: int, columns: int, *, periodic: bool = False) -> Openings:
-        """Make a grid without inner walls, with an outer wall or, where `periodic`, none at all."""
+        """Create a grid without inner walls, with an outer wall or, where `periodic`, none at all."""
         return cls(
             east=np.ones((rows, columns if periodic else columns - 1), dtype=bool),
             north=np.ones((rows if periodic else rows - 1, columns), dtype=bool),
@@ -154,7 +154,7 @@ class BlockedShift:
         if belief.shape != self.openings.shape:
             raise ValueError(f"belief has shape {belief.shape}, the grid {self.openings.shape}")
         if direction not in _STEPS:
-            raise ValueError(f"no direction {direction!r}; there are {', '.join(_STEPS)}")
+            raise ValueError(f"unknown direction {direction!r}; choose one of {', '.join(_STEPS)}")
         if steps < 0:
             raise ValueError(f"a number of steps is 0 or more, not {steps}")
         size = self.openings.east.shape[0] if _STEPS[direction][0] == 0 else self.openings.north.shape[1]

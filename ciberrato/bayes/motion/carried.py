@@ -49,7 +49,7 @@ class Carried:
         return belief
 
     def centres(self) -> FloatArray:
-        """Return the poses that the cells stand for now, (*shape, 3): where sensors should be asked.
+        """Return the poses that the cells stand for now, (*shape, 3): where sensor models are evaluated.
 
         They are less than half a cell from the cells' own centres; headings may leave the axis by as much.
         """

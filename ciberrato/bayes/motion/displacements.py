@@ -24,12 +24,12 @@ class Displacements(NamedTuple):
     distance : FloatArray, shape (n,)
         To the middle of the target cell or part, in units of length; positive.
     direction : FloatArray, shape (n,)
-        Of the same point, radians.
+        Direction of the same point, radians.
     inverse_distance : FloatArray, shape (n,)
         Integral of 1 / distance over the cell or part: what turns a density over distance and direction into
         mass.
     area : FloatArray, shape (n,)
-        Of the cell or part.
+        Area of the cell or part.
     """
 
     cells: IntArray
@@ -55,7 +55,7 @@ def displacements(
 
     Seen from the start, near cells cover wide angles. Where that is wide against the noise of the heading, a
     cell is cut into p x p parts that all stand for the same displacement: p is the least number for which a
-    part at the cell's distance is no wider than 1.4 sigma, 8 at the most. The cell of no displacement has
+    part at the cell's distance is no wider than 1.4 sigma, at most 8. The cell of no displacement has
     ceil(1.5 / sigma) parts each way, 4 to 8.
 
     Parameters

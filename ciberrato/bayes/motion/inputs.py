@@ -55,7 +55,7 @@ def look_up(table: Mapping[Any, Any], control: Any, what: str) -> Any:
     except TypeError:  # not hashable
         pass
     known = ", ".join(map(repr, list(table)[:20]))
-    raise ValueError(f"no {what} for command {control!r}; there are {known}")
+    raise ValueError(f"no {what} for command {control!r}; the commands are {known}")
 
 
 def check_belief(belief: ArrayLike, shape: Sequence[int] | None = None) -> FloatArray:

@@ -53,7 +53,7 @@ class CommandKernel:
 
     @classmethod
     def from_displacements(cls, probability: Mapping[Any, float]) -> CommandKernel:
-        """Make a kernel from {displacement: probability}; a displacement is a tuple of ints, or one int."""
+        """Create a kernel from {displacement: probability}; a displacement is a tuple of ints, or one int."""
         places = {whole_numbers(place, "a displacement"): p for place, p in probability.items()}
         if len({len(place) for place in places}) != 1 or len(places) < len(probability):
             raise ValueError("a kernel needs displacements, all different and of as many axes")

@@ -29,7 +29,7 @@ _SMALL = 0.5
 # to stay short.
 _THIN = 0.04
 _MOST_BASES = 8
-# Sigmas at which wide distributions are cut, if not told otherwise: they lose 1e-9 of their mass.
+# Sigmas at which wide distributions are cut, by default: they lose 1e-9 of their mass.
 _SIGMAS = 6.1
 
 
@@ -74,7 +74,7 @@ def lattice_kernels(
     sigmas: float = _SIGMAS,
     cut: float | None = None,
 ) -> LatticeKernels:
-    """Make kernels with the means and covariances given.
+    """Create kernels with the given means and covariances.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def _by_lines(
     sigmas: float,
     cut: float | None,
 ) -> list[tuple[IntArray, IntArray, FloatArray]]:
-    """Sample along the wider axis and spread across; give the kernel, cells and weight of each entry."""
+    """Sample along the wider axis and spread across; return the kernel, cells and weight of each entry."""
     mean, covariance, longest = mean[some], covariance[some], max(reach)
     swapped = covariance[:, 1, 1] > covariance[:, 0, 0]
     mean[swapped] = mean[swapped, ::-1]

@@ -242,7 +242,7 @@ class GaussianOdometry:
     def _factors(
         self, steps: Displacements, control: OdometryReading
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
-        """Return B and C, (displacements, headings), and A for both ways, (displacements,)."""
+        """Return B and C, (displacements, headings), and A for both directions, (displacements,)."""
         rot1, trans, rot2 = self.noise.sigmas(control)
         direction = steps.direction[:, np.newaxis]
         before = wrapped_normal(direction - (self._headings + control.rot1), rot1)

@@ -44,7 +44,7 @@ class OdometryReading:
         before, after : array_like, shape (3,)
             Finite.
         threshold : float
-            Of a way shorter than this the direction means nothing, it may be jitter: then the first turn is
+            For distances shorter than this the direction may be jitter and is ignored: then the first turn is
             0, the way is what of it lies along the heading (negative for backward), and all of the turn comes
             after. In units of length; amcl and beluga take 0.01 m.
         """

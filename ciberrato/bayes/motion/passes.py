@@ -54,7 +54,7 @@ class PoseCarry:
 
     @classmethod
     def none(cls, space: StateSpace) -> PoseCarry:
-        """Make the carry of a belief whose cells are at their own centres."""
+        """Return the carry of a belief whose cells are at their own centres."""
         return cls(0.0, np.zeros((space.shape[2], 2)))
 
 
@@ -143,7 +143,7 @@ def spread(sigma: float) -> tuple[IntArray, FloatArray]:
 
 
 def directions_per_heading(space: StateSpace, way: float, final_sigma: float) -> int:
-    """Return the number of directions that a heading cell needs, so that ways do not fan out in rays.
+    """Return the number of directions that a heading cell needs, so that paths do not fan out in rays.
 
     One, unless heading cells are far apart at the end of the way. Several need a final turn whose noise
     covers the difference, which is half a heading cell of it.
@@ -158,7 +158,7 @@ def directions_per_heading(space: StateSpace, way: float, final_sigma: float) ->
 def ways(
     space: StateSpace, direction: FloatArray, way: ArrayLike, sigma: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean, (n, 2), and covariance, (n, 2, 2), in cells, of ways driven along directions."""
+    """Return mean, (n, 2), and covariance, (n, 2, 2), in cells, of paths driven along directions."""
     along = np.stack([np.cos(direction) / space.axes[0].cell, np.sin(direction) / space.axes[1].cell], axis=1)
     length, deviation = (np.asarray(v, dtype=float).reshape(-1, 1) for v in (way, sigma))
     spread_along = along * deviation
@@ -209,7 +209,7 @@ def move(
     images : FloatArray, shape (m, x, y)
         Mass that leaves the grid is lost.
     kernels : LatticeKernels
-        Of n moves.
+        Kernels of n moves.
     source, target : IntArray, shape (n,)
         Numbers of images before and after.
     weight : FloatArray, shape (n,)
@@ -291,7 +291,7 @@ def move_carried(
     covariance: FloatArray,
     inside: BoolArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Move images whose cells are off their centres; give them and what they are off then.
+    """Move images whose cells are off their centres; return them and their new offsets.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ class Shift:
     def __post_init__(self) -> None:
         for edge in self.edges:
             if edge not in EDGES:
-                raise ValueError(f"no edge {edge!r}; there are {', '.join(EDGES)}")
+                raise ValueError(f"unknown edge {edge!r}; choose one of {', '.join(EDGES)}")
 
     def predict(self, belief: ArrayLike, control: ArrayLike) -> FloatArray:
         """Shift a belief by `control` cells, a whole number for each axis, or the only one."""

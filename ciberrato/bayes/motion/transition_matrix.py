@@ -28,7 +28,7 @@ class TransitionMatrix:
     ----------
     matrices : mapping of command to matrix
         Any hashable commands; lists and arrays mean the tuple of their elements. Numpy arrays or scipy sparse
-        matrices, (states, states), entries 0 or more, row sums 1 at the most (what is missing is lost).
+        matrices, (states, states), entries 0 or more, row sums at most 1 (what is missing is lost).
     """
 
     __repr__ = short_repr
@@ -69,7 +69,7 @@ def transition_matrix(
     predict : callable
         A motion model's `predict`.
     shape : sequence of int
-        Of the beliefs that it takes.
+        Shape of the beliefs that it takes.
     control : object
         The command.
     sparse : bool

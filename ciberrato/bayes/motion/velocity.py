@@ -107,7 +107,7 @@ class VelocityNoise:
                 raise ValueError(f"{name} must be finite and 0 or more, not {getattr(self, name)}")
 
     def sigmas(self, command: VelocityCommand) -> tuple[float, float, float]:
-        """Return the standard deviations of the way, the turn and the final turn, 0 or more.
+        """Return the standard deviations of the distance, the turn and the final turn, 0 or more.
 
         Raises
         ------
@@ -135,9 +135,9 @@ class VelocityMotion:
     space : StateSpace
         x, y, heading; the last periodic over a whole turn.
     noise : VelocityNoise
-        Standard deviations; may be 0. The turn's is two turns at the most.
+        Standard deviations; may be 0. The turn's is at most two turns.
     window : float
-        Of the density: leave out displacements longer than the way commanded by more than this many sigmas;
+        Of the density: leave out displacements beyond the commanded distance by more than this many sigmas;
         what that drops is at most `erfc(window / sqrt 2)`.
     density : bool
         Predict by `kernel`, not normalized. It needs noise of 0.6 cells on the way, 0.6 heading cells in the

@@ -38,7 +38,7 @@ class BeamModel:
     decay : float
         Rate of short readings, per unit of length.
     max_range : float
-        Longest reading, z_max; readings of at least this, +inf among them, are taken for it.
+        Longest reading, z_max; readings of at least this, including +inf, count as this.
     resolution : float
         Step between readings, in units of length.
     unknown : {"raise", "uniform"}

@@ -57,7 +57,9 @@ class DiscreteSensor:
     def log_likelihood(self, reading: Hashable) -> FloatArray:
         """Return log P(reading | state), the belief's shape; ValueError for an unknown symbol."""
         if reading not in self.probabilities:
-            raise ValueError(f"no symbol {reading!r}; there are {', '.join(map(repr, self.probabilities))}")
+            raise ValueError(
+                f"unknown symbol {reading!r}; choose one of {', '.join(map(repr, self.probabilities))}"
+            )
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(np.asarray(self.probabilities[reading], dtype=float)))
 

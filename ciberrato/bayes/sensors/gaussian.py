@@ -100,7 +100,7 @@ class GaussianSensor:
         return result
 
     def prepare(self, mean: ArrayLike) -> PreparedGaussian:
-        """Work out what does not depend on the reading, for many readings in one map.
+        """Precompute what does not depend on the reading, for many readings in one map.
 
         Parameters
         ----------

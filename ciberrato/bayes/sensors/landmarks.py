@@ -28,7 +28,7 @@ _ON_IT = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LandmarkSensor:
-    """Ranges, and bearings if the poses have headings, to landmarks that the sensor tells apart.
+    """Ranges, and bearings if the poses have headings, to landmarks that the sensor distinguishes.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class LandmarkSensor:
         ranges = np.atleast_1d(range_array(ranges, what="range"))
         if which.size and not 0 <= which.min() <= which.max() < len(self.landmarks):
             wrong = which[(which < 0) | (which >= len(self.landmarks))][0]
-            raise ValueError(f"there are landmarks 0 to {len(self.landmarks) - 1}, and no {wrong}")
+            raise ValueError(f"no landmark {wrong}; the landmarks are 0 to {len(self.landmarks) - 1}")
         if len(which) != len(ranges):
             same_length(landmarks=which, ranges=ranges)
         if self.max_range is None and math.inf in ranges:
@@ -144,7 +144,7 @@ class OrderedRanges:
     landmarks : tuple of float
         Places along the line.
     sigma : float
-        Of a range, in units of length.
+        Standard deviation of a range, in units of length.
     max_range : float
         Landmarks farther ahead are not seen.
     unread : float

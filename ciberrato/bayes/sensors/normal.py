@@ -96,7 +96,7 @@ def log_interval(low: ArrayLike, high: ArrayLike) -> FloatArray:
 def beyond_range(
     terms: FloatArray, reading: FloatArray, mean: FloatArray, sigma: ArrayLike, max_range: float | None
 ) -> None:
-    """Put log P(value >= max_range) in the place of the terms of readings that say no more than that.
+    """Replace the terms of readings at the maximum range by log P(value >= max_range).
 
     Parameters
     ----------

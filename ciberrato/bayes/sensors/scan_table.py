@@ -119,7 +119,7 @@ class ScanTable:
 
     @property
     def levels(self) -> FloatArray:
-        """Ranges that the codes stand for, shape (256,); a range is off by half a step at the most.
+        """Ranges that the codes stand for, shape (256,); a range is off by at most half a step.
 
         The last is nan, of rays that come to an unknown cell, if there are any.
         """

@@ -1,4 +1,4 @@
-"""Puts an agent through what a network and a simulator can do to it, and tells where it fails."""
+"""Puts an agent through what a network and a simulator can do to it, and reports where it fails."""
 
 __all__ = [
     "check",

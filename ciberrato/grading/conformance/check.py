@@ -20,7 +20,7 @@ from ciberrato.grading.task import Task
 from ciberrato.reprs import short_repr
 
 PATIENCE = 2.0
-"""Seconds that an answer may take, unless told otherwise."""
+"""Default of the longest time for an answer, in seconds."""
 
 _ERRORS = ("Traceback (most recent call last)", "terminate called", "Exception in thread")
 """Words of a program that has ended by an error, whatever its status."""
@@ -64,7 +64,7 @@ def rows_named(names: Sequence[str]) -> list[Row]:
     for name in names:
         if name not in NAMES:
             raise UsageError(
-                f"{name!r}: there is no such row; there are {', '.join(NAMES)}{did_you_mean(name, NAMES)}"
+                f"{name!r}: no such row; choose one of {', '.join(NAMES)}{did_you_mean(name, NAMES)}"
             )
     return [row for row in ROWS if not names or row.name in names]
 
@@ -82,7 +82,7 @@ def check_agent(
     readable: tuple[Path, ...] = (),
     step: Callable[[], None] = lambda: None,
 ) -> list[Judged]:
-    """Put an agent through rows.
+    """Check an agent on rows of the conformance table.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def check_agent(
         Where it drives.
     rows : sequence of Row
     seed : int
-        Of the simulation.
+        Seed of the simulation.
     patience : float
         Seconds that an answer may take.
     limits : Limits, optional
@@ -144,7 +144,7 @@ class _Examiner(Launcher):
         self._patience = patience
 
     def examine(self, row: Row) -> Judged:
-        """Do a row."""
+        """Check one row."""
         (agent,), (lab,), (seed,) = self._course.agents, self._course.labs, self._course.seeds
         files, failure = self._files(agent)
         if failure is not None:
@@ -173,7 +173,7 @@ class _Examiner(Launcher):
 
 
 def judge_row(row: Row, document: dict[str, Any], registration: float) -> tuple[bool, str]:
-    """Say how a row went.
+    """Return the verdict on a row.
 
     Parameters
     ----------

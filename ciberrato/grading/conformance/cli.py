@@ -67,7 +67,7 @@ def _check(options: argparse.Namespace, command: list[str]) -> int:
     if faults:
         raise UsageError("\n".join(faults))
     if not options.folder.is_dir():
-        raise UsageError(f"--folder {options.folder}: there is no such folder")
+        raise UsageError(f"--folder {options.folder}: no such folder; check the path")
     for path in (options.json, options.junit):
         if path is not None and not path.absolute().parent.is_dir():
             raise UsageError(f"{path}: cannot be written: no such folder")
@@ -107,60 +107,75 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = ProgramParser(
         PROGRAM,
-        description="Put an agent, in any language, through what a network and a simulator can do to it: "
-        "lost, doubled and late messages, Stop and Start, a new run, silence, the end. Each row says what "
-        "was done, what was expected and what happened. No simulator need run.",
+        description="Test how an agent, in any language, copes with a network and a simulator: "
+        "lost, doubled and late messages, Stop and Start, a new run, silence, the end. Each row shows what "
+        "was done, what was expected and what happened. It needs no running simulator.",
         usage=f"{PROGRAM} [OPTIONS] -- COMMAND...",
         epilog=f"example: {PROGRAM} -- ./robot -h {{host}}:{{port}} -p {{pos}} -r {{name}}. In COMMAND "
         "{host}, {port}, {pos}, {lab} and {name} are filled in; it runs in a copy of --folder, without a "
         "shell. Exit status: 0; 1 if a row failed; 2 if it could not be checked.",
     )
     parser.add_argument(
-        "--folder", type=Path, default=Path(), metavar="DIR", help="the agent's files; default: this folder"
+        "--folder",
+        type=Path,
+        default=Path(),
+        metavar="DIR",
+        help="folder of the agent's files; default: this folder",
     )
     parser.add_argument(
         "--row",
         action="append",
         default=[],
         metavar="NAME[,NAME...]",
-        help=f"these only: {', '.join(NAMES)}",
+        help=f"check these rows only: {', '.join(NAMES)}; default: all",
     )
-    parser.add_argument("--list", action="store_true", help="say what the rows are, and end")
-    parser.add_argument("--lab", default="maze", metavar="FILE", help="file or name; default: maze")
+    parser.add_argument("--list", action="store_true", help="list the rows and end")
+    parser.add_argument("--lab", default="maze", metavar="FILE", help="lab, file or name; default: maze")
     parser.add_argument(
         "--grid",
         default=None,
         metavar="FILE",
-        help="start grid, file or name; default: of the lab's name, if it ships",
+        help="start grid, file or name; default: the one that ships with the lab",
     )
-    parser.add_argument("--param", default=None, metavar="FILE", help="parameters, file or name")
     parser.add_argument(
-        "--position", type=_count, default=1, metavar="N", help="that is told as {pos}; default: 1"
+        "--param", default=None, metavar="FILE", help="parameters, file or name; default: the simulator's"
     )
-    parser.add_argument("--seed", type=_seed, default=1, metavar="N", help="default: 1")
+    parser.add_argument(
+        "--position", type=_count, default=1, metavar="N", help="start position, {pos} in COMMAND; default: 1"
+    )
+    parser.add_argument("--seed", type=_seed, default=1, metavar="N", help="seed of the runs; default: 1")
     parser.add_argument(
         "--patience",
         type=_seconds,
         default=2.0,
         metavar="SECONDS",
-        help="that an answer may take; default: 2",
+        help="longest time for an answer; default: 2",
     )
     parser.add_argument(
         "--registration",
         type=_seconds,
         default=20.0,
         metavar="SECONDS",
-        help="that the registration may take; default: 20",
+        help="longest time for the registration; default: 20",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the report there as JSON")
-    parser.add_argument("--junit", type=Path, metavar="FILE", help="write the report there as JUnit XML")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the report as JSON")
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="write the report as JUnit XML")
     parser.add_argument(
-        "--sandbox", choices=KINDS, default="none", help="for programs that you do not trust; default: none"
+        "--sandbox",
+        choices=KINDS,
+        default="none",
+        help="sandbox, for programs that you do not trust; default: none",
     )
     parser.add_argument(
-        "--jobs", type=_count, default=0, metavar="N", help="rows at a time; default: one a processor"
+        "--jobs",
+        type=_count,
+        default=0,
+        metavar="N",
+        help="number of rows at a time; default: one per processor",
     )
-    parser.add_argument("--quiet", action="store_true", help="only the rows that failed, and no progress bar")
+    parser.add_argument(
+        "--quiet", action="store_true", help="print only the rows that failed, and no progress bar"
+    )
     return parser
 
 

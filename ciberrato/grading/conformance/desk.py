@@ -46,7 +46,7 @@ class Desk:
     ----------
     simulation : Simulation
     host, port : str, int
-        Of the main socket.
+        Host and port of the main socket.
     """
 
     def __init__(self, simulation: Simulation, host: str, port: int) -> None:
@@ -65,7 +65,7 @@ class Desk:
     # --- registration -----------------------------------------------------------------------------
 
     def await_registration(self) -> RobotRegistration:
-        """Wait for a registration; the one who started us sees to it that it does not take for ever.
+        """Wait for a registration; the parent process limits the time.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class Desk:
     # --- cycles -----------------------------------------------------------------------------------
 
     def compute(self) -> Measures:
-        """Do a cycle of the simulation with what the agent has sent.
+        """Run a cycle of the simulation with what the agent has sent.
 
         Returns
         -------
@@ -179,7 +179,7 @@ class Desk:
         return count > 0
 
     def take(self, seconds: float, what: Measures | None = None, *, until_first: bool = True) -> int:
-        """Take what comes.
+        """Process the messages that have arrived.
 
         Parameters
         ----------

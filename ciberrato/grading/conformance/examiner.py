@@ -37,7 +37,7 @@ def examiner_command(**wanted: object) -> list[str]:
 
 
 def main() -> int:
-    """Do the row that the command line asks for."""
+    """Check the row that the command line names."""
     from simulator_stub.simulation import Simulation
 
     wanted = json.loads(sys.argv[1])

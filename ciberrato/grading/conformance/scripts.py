@@ -55,7 +55,7 @@ class Examination:
         self._registered = registered
 
     def examine(self, row: str) -> Seen:
-        """Do a row.
+        """Check one row.
 
         Parameters
         ----------
@@ -206,25 +206,25 @@ class Examination:
         return registration
 
     def _begin(self) -> None:
-        """Let it register, and start."""
+        """Wait for the agent's registration, and start."""
         self._deliver(self.desk.accept(self._registration()))
         self._start()
 
     def _start(self) -> None:
-        """Press Start: Measures of the time it is, with the button on."""
+        """Press Start: send Measures of the current time, with the button on."""
         self._pause(1)
         self.desk.simulation.start()
         self._ask(self.desk.compute())
 
     def _pause(self, cycles: int) -> None:
-        """Do cycles of a stopped simulator, in which agents need not answer."""
+        """Run cycles of a stopped simulator, in which agents need not answer."""
         for _ in range(cycles):
             measures = self.desk.compute()
             self._deliver(measures)
             self.desk.take(WHILE_STOPPED, measures)
 
     def _run(self, cycles: int) -> bool:
-        """Do running cycles, each answered; return whether it drove in one of them."""
+        """Run answered cycles; return whether the agent drove in one of them."""
         drove = False
         for _ in range(cycles):
             self._ask(self.desk.compute())

@@ -77,7 +77,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise UsageError(f"{path.parent}: cannot be made: {error.strerror}") from None
+            raise UsageError(f"{path.parent}: cannot be created: {error.strerror}") from None
         replace_file(path, text.encode("utf-8", "replace"))
     if parquet.available():
         parquet.write_table(ranked, folder / "results.parquet")
@@ -88,7 +88,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
 def publish_report(
     course: Course, ranked: Sequence[Standing], source: Path, folder: Path, *, missing: int
 ) -> None:
-    """Write the report that all may see: without what is secret, and without ``runs.jsonl``.
+    """Write the public report: without what is secret, and without ``runs.jsonl``.
 
     Parameters
     ----------

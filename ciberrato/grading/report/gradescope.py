@@ -69,5 +69,5 @@ def _words(outcome: Any, tail: str) -> str:
 
 
 def plain(name: str) -> str:
-    """Turn an agent's name into a folder's."""
+    """Convert an agent's name into a folder's."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "x"

@@ -27,7 +27,7 @@ def meetings_section(ranked: Sequence[Standing], folder: Path) -> str:
     ----------
     ranked : sequence of Standing
     folder : Path
-        Of the report; runs whose recording is there can be played.
+        Folder of the report; runs whose recording is there can be played.
 
     Returns
     -------

@@ -17,7 +17,7 @@ WITHOUT = "no results.parquet: pyarrow is not installed (pip install 'ciberrato[
 
 
 def available() -> bool:
-    """Say whether pyarrow is installed, and can be loaded."""
+    """Return whether pyarrow is installed and can be loaded."""
     try:
         importlib.import_module("pyarrow.parquet")
     except ImportError:

@@ -43,7 +43,7 @@ def _viewers(name: str) -> str:
 
 
 def bundle(main: str) -> str:
-    """Put a module and all that it imports into one script.
+    """Bundle a module and all that it imports into one script.
 
     Parameters
     ----------

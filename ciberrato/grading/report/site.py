@@ -33,7 +33,7 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
     course : Course
     ranked : sequence of Standing
     folder : Path
-        Of the report; runs whose recording is there can be played.
+        Folder of the report; runs whose recording is there can be played.
     missing : int
         Runs still to be done.
 
@@ -84,7 +84,7 @@ def index_page(course: Course, ranked: Sequence[Standing], folder: Path, *, miss
 
 
 def _worth(course: Course, ranked: Sequence[Standing]) -> str:
-    """Say what a run is worth."""
+    """Return a sentence on how many points a run is worth."""
     formula = f"<code>{escape(course.points.formula.text)}</code>"
     if not any(run.extra() for standing in ranked for run, _ in standing.runs):
         maximum = course.points.maximum

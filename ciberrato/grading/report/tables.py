@@ -100,5 +100,5 @@ def _csv(rows: list[list[Any]]) -> str:
 
 
 def _cell(value: Any) -> Any:
-    """Return a cell; what a spreadsheet would take for a formula gets an apostrophe, as by its own habit."""
+    """Return a cell; text that a spreadsheet would read as a formula gets an apostrophe in front."""
     return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULAS) else value

@@ -24,7 +24,7 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
     Parameters
     ----------
     options : argparse.Namespace
-        Of the command line.
+        Options of the command line.
     course : Course
     faults : list of str
         Why agents could not be had.
@@ -78,7 +78,7 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
         print((folder if options.publish is None else options.publish) / "index.html")
     if interrupted:
         print(
-            f"\n{PROGRAM}: interrupted after {count} of {len(matches)} runs; the same command goes on "
+            f"\n{PROGRAM}: interrupted after {count} of {len(matches)} runs; the same command continues "
             "from here",
             file=sys.stderr,
         )

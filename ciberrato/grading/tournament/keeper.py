@@ -51,7 +51,7 @@ class Seat:
     Attributes
     ----------
     number : int
-        Of its start place, from 1.
+        Number of its start place, from 1.
     robot : int or None
         The robot that it has registered.
     over : bool
@@ -80,13 +80,13 @@ class Seat:
             self.process.stdin.flush()
 
     def end(self) -> None:
-        """Let the supervisor end the agent, and all that it has started."""
+        """Request that the supervisor ends the agent and all processes that it has started."""
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):
             self.process.stdin.close()
 
     def take(self, data: bytes) -> None:
-        """Take what the supervisor says; nothing more: it has ended."""
+        """Process what the supervisor says; no bytes mean that it has ended."""
         self.answer += data
         self.over = self.over or not data
 
@@ -123,7 +123,7 @@ class Match:
         self._seen = 0
 
     def run(self) -> dict[str, Any]:
-        """Do it.
+        """Execute the run.
 
         Returns
         -------
@@ -214,7 +214,7 @@ class Match:
         return new
 
     def _owner(self, port: int) -> Seat | None:
-        """Find whose process has a port; None if that is not known."""
+        """Find the process that owns a port; None if that is not known."""
         socket = descendants.socket_of(port)
         for seat in self._seats if socket is not None else ():
             if descendants.holds_socket(descendants.descendants(seat.process.pid), str(socket)):
@@ -222,7 +222,7 @@ class Match:
         return None
 
     def _press_start(self, view: UdpLink) -> Seat | None:
-        """Press it when the last robot has had its first cycle, so that every one sees a stopped cycle.
+        """Press Start when the last robot has had its first cycle, so that every one sees a stopped cycle.
 
         Returns who has registered a robot too many meanwhile.
         """
@@ -255,7 +255,7 @@ class Match:
         return all(seat.over for seat in self._seats)
 
     def _until(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Look on until something is so, at the longest so many seconds and while the simulator runs."""
+        """Wait for a condition, at most so many seconds and only while the simulator runs."""
         until = time.monotonic() + seconds
         while not condition():
             if not self._goes_on() or time.monotonic() > until:
@@ -285,7 +285,7 @@ class Match:
         }
 
     def _end(self) -> None:
-        """End all agents, then the simulator, so that it writes what it has."""
+        """Stop all agents, then the simulator, so that it writes what it has."""
         for seat in self._seats:
             seat.end()
         until = time.monotonic() + 30.0
@@ -296,7 +296,7 @@ class Match:
 
 
 def main() -> int:
-    """Do the run that standard input asks for."""
+    """Execute the run that standard input describes."""
     return look_after(lambda wanted: Match(wanted).run())
 
 

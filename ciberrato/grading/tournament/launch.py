@@ -20,7 +20,7 @@ class MatchLauncher(Launcher):
     """Does runs of a course's tournament; made and ended as its base is."""
 
     def play(self, match: Match) -> list[tuple[Outcome, dict[str, Any]]]:
-        """Do a run.
+        """Execute a run.
 
         An agent that could not be built, takes another's start place, or registers a second robot, does not
         take part: the others' run is done without it, its place stays empty.

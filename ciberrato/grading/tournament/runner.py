@@ -63,7 +63,7 @@ def play(
     jobs: int,
     progress: TextIO | None,
 ) -> list[str]:
-    """Do the runs that are missing; parameters, result and errors as of `ciberrato.grading.runner.grade`."""
+    """Execute the missing runs; parameters, result and errors as in `ciberrato.grading.runner.grade`."""
     path, recordings = folder / "runs.jsonl", folder / "recordings"
     file = open_runs(path, recordings)
     done = read_matches(path)

@@ -133,7 +133,7 @@ def _settle(groups: list[list[int]], met: NDArray[np.int64]) -> list[list[int]]:
 
 
 def _turns(members: list[int], stood: NDArray[np.int64], *, rotate: bool) -> list[tuple[int, ...]]:
-    """Say from which places a group starts: all shifts, or what evens out best where agents stood."""
+    """Return the start places of a group: all shifts, or those that best balance where agents stood."""
     if rotate:
         return [tuple(members[turn:] + members[:turn]) for turn in range(len(members))]
     from scipy.optimize import linear_sum_assignment

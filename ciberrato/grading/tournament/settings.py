@@ -20,7 +20,7 @@ class TournamentSettings:
     Attributes
     ----------
     robots : int or None
-        In a run, at most; None = as many as the lab's start grid has places.
+        Greatest number in a run; None = as many as the lab's start grid has places.
     rounds : int or None
         None = until every two agents have met.
     draw : int
@@ -29,7 +29,7 @@ class TournamentSettings:
         Whether every meeting is run once from each start place for each agent; else there is one run, from
         places that are drawn so that all agents have them about equally often.
     points : tuple of float or None
-        Of the first place, the second, ...; None = the share of opponents that are beaten, in percent.
+        Points of the first place, the second, ...; None = the share of opponents that are beaten, in percent.
     """
 
     __repr__ = short_repr

@@ -33,7 +33,7 @@ class Played(Graded):
     start : int
         Its start place.
     place : int
-        That it made; equal ones share it.
+        Place of the agent; equal ones share it.
     formula : float
         Its points by the course's formula.
     worth : float
@@ -50,7 +50,7 @@ class Played(Graded):
 
     @property
     def name(self) -> str:
-        """Which of the agent's runs it is."""
+        """Number of the run among the agent's runs, as text."""
         meeting = self.match.meeting
         return (
             f"{self.task.lab.name}, seed {self.task.seed}, round {meeting.round}, group {meeting.group}, "
@@ -59,7 +59,7 @@ class Played(Graded):
 
     @property
     def row(self) -> str:
-        """How a report's page calls it."""
+        """Name of the row in a report's page."""
         return f"{self.task.file}-{self.start}"
 
     @property

@@ -1,4 +1,4 @@
-"""Return whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
+"""Whether the pose filter's loops run in machine code (the extra `fast`); the results are the same.
 
 Nothing is loaded by itself: importing numba takes half a second, and what it has to compile the first time
 many. `load` is called where that delays no answer: before a robot registers if the machine code is `at_hand`,
@@ -27,7 +27,7 @@ _active: ModuleType | None = None
 
 
 def choice() -> str:
-    """Return what the environment asks for.
+    """Return the choice of the environment variable.
 
     Returns
     -------

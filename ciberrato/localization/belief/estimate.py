@@ -115,7 +115,7 @@ def modes(belief: PoseBelief, *, most: int = 8, least: float = 0.02) -> list[Pos
 
 
 def probability_near(belief: PoseBelief, x: float, y: float, heading: float) -> float:
-    """Weight of the poses within `CLAIM_RADIUS` and `CLAIM_TURN` of a pose.
+    """Return the weight of the poses within `CLAIM_RADIUS` and `CLAIM_TURN` of a pose.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def probability_near(belief: PoseBelief, x: float, y: float, heading: float) -> 
 
 
 def _strongest(belief: PoseBelief) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """States that carry the belief; of a dense one only those well above the mean."""
+    """Return the states that carry the belief; of a dense one only those well above the mean."""
     if belief.dense is None:
         return belief.listed()
     weights = belief.dense  # its last column is zero

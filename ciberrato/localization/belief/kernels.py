@@ -60,7 +60,7 @@ def drive_dense(old, new, moves, codes, stay, stay_if_blocked):
 
 @_jit
 def drive_sparse(bins, squares, moves, codes, stay_if_blocked):
-    """Move listed states; give their squares, with ``moves.shape[1]`` for those that are given up."""
+    """Move listed states; return their squares, with ``moves.shape[1]`` for those that are given up."""
     size = moves.shape[1]
     moved = np.empty_like(squares)
     blocked = 0

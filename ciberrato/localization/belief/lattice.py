@@ -189,7 +189,7 @@ def build_lattice(lab: Lab, resolution: float) -> Lattice:
 
 
 def _axis(length: float, resolution: float) -> Floats:
-    """Nodes along an axis, one of them in the middle of the first cell, with padding on both sides."""
+    """Return the nodes along an axis, one in the middle of the first cell, with padding on both sides."""
     centre = CELL_SIZE / 2.0
     before = int(centre / resolution) + _PAD
     after = int((length - centre) / resolution) + _PAD
@@ -219,7 +219,7 @@ def _push_out(walls: WallMap, place: Floats, resolution: float) -> tuple[Floats,
 
 
 def _nearest(walls: WallMap, place: Floats) -> tuple[Floats, Floats]:
-    """Nearest wall point to each place, and its distance."""
+    """Compute the nearest wall point to each place, and its distance."""
     foot, distance = np.empty_like(place), np.empty(len(place))
     for low in range(0, len(place), _BLOCK):
         part = place[low : low + _BLOCK, np.newaxis, :]

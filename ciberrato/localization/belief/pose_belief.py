@@ -81,11 +81,11 @@ class PoseBelief:
         return self.bins * self.lattice.size if self.dense is not None else len(self.weight)
 
     def headings(self) -> Floats:
-        """Headings of the bins in radians, not wrapped; shape (bins,)."""
+        """Return the headings of the bins in radians, not wrapped; shape (bins,)."""
         return np.asarray(np.arange(self.bins) * self.bin_width + self.heading_offset)
 
     def set_uniform(self) -> None:
-        """Take every free pose for equally likely."""
+        """Set the belief to equal weights on every free pose."""
         self.heading_offset = 0.0
         self.offset[:] = 0.0
         shape = (self.bins, self.lattice.size + 1)  # the last column stands for all that is not free
@@ -94,7 +94,7 @@ class PoseBelief:
         self._spare = np.zeros(shape, np.float32)
 
     def set_states(self, bins: Indices, squares: Indices) -> None:
-        """Take only the given states for possible, each as likely."""
+        """Set the belief to equal weights on the given states only."""
         self.heading_offset = 0.0
         self.offset[:] = 0.0
         self.dense = self._spare = None
@@ -104,7 +104,7 @@ class PoseBelief:
     def set_weighted(
         self, bins: Indices, squares: Indices, weights: Floats, *, heading_offset: float
     ) -> None:
-        """Take the given states for possible, with weights; equal states add up, squares not free are lost.
+        """Set the belief to weighted states; equal states add up, squares not free are lost.
 
         Parameters
         ----------
@@ -144,19 +144,19 @@ class PoseBelief:
         )
 
     def square_weights(self) -> Floats:
-        """Weight of each square over all headings; shape (squares,)."""
+        """Return the weight of each square over all headings; shape (squares,)."""
         if self.dense is not None:
             return np.asarray(self.dense[:, :-1].sum(axis=0, dtype=np.float64))
         return np.bincount(self.square, self.weight, self.lattice.size).astype(np.float64)
 
     def bin_weights(self) -> Floats:
-        """Weight of each bin of headings; shape (bins,)."""
+        """Return the weight of each bin of headings; shape (bins,)."""
         if self.dense is not None:
             return np.asarray(self.dense.sum(axis=1, dtype=np.float64))
         return np.bincount(self.bin, self.weight, self.bins).astype(np.float64)
 
     def entropy_bits(self) -> float:
-        """Entropy over all states, in bits."""
+        """Compute the entropy over all states, in bits."""
         weights = self.weight if self.dense is None else self.dense
         # In single precision, for speed; the sum is right to about 1e-5 bits.
         bits = np.log(np.maximum(weights, np.float32(1e-37)))

@@ -1,4 +1,4 @@
-"""What the beacon sensors tell: under which angle a beacon shows, or that it does not show.
+"""Evidence of the beacon sensors: the angle under which a beacon is visible, or that it is not visible.
 
 The angle from a square to a beacon depends on the square alone, so that the likelihood of a reading is a
 function of that angle less the state's heading, of how much the angle varies over the square, and of the
@@ -81,7 +81,7 @@ def visible(lab: Lab, beacon: Beacon, x: Floats, y: Floats) -> NDArray[np.bool_]
 
 
 def _first_walls(lab: Lab, beacon: Beacon) -> Floats:
-    """Distance from a beacon to the first wall that hides it, in each of `_RAYS` directions."""
+    """Compute the distance from a beacon to the first wall that hides it, in each of `_RAYS` directions."""
     walls = hiding_walls(lab, beacon.height)
     width = 2.0 * math.pi / _RAYS
     to_x, to_y = walls.start[:, 0] - beacon.x, walls.start[:, 1] - beacon.y
@@ -108,7 +108,7 @@ def beacon_table(lab: Lab, lattice: Lattice, number: int) -> BeaconTable:
     lab : Lab
     lattice : Lattice
     number : int
-        Of the beacon.
+        Number of the beacon.
 
     Returns
     -------

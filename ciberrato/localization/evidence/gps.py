@@ -8,7 +8,7 @@ It does not say where the robot is, but how it has moved. That is worth three th
   Robotics*, section 13.3, with a histogram in place of the particles). The likelihoods of successive
   readings, each given all before it, may be multiplied: nothing is counted twice.
 * A reading far from what all of them foresee is a *jump*: the robot has been moved by hand.
-* While the pose is known, reading less pose is the *offset*; after a jump it tells the place.
+* While the pose is known, reading less pose is the *offset*; after a jump it gives the position.
 """
 
 from __future__ import annotations
@@ -69,25 +69,25 @@ class GpsTracker:
         """Evidence (natural logarithm) that the robot has been moved by hand."""
 
     def headings(self) -> Floats:
-        """Headings of the bins in radians, not wrapped; shape (bins,)."""
+        """Return the headings of the bins in radians, not wrapped; shape (bins,)."""
         return np.asarray(np.arange(_BINS) * _WIDTH + self._offset)
 
     def weights(self) -> Floats:
-        """Probability of each bin, by the GPS alone; shape (bins,)."""
+        """Compute the probability of each bin, by the GPS alone; shape (bins,)."""
         return self._weight
 
     def forget(self) -> None:
-        """Begin anew: any heading, any place."""
+        """Reset: any heading, any place."""
         self._mean = None
         self._weight = np.full(_BINS, 1.0 / _BINS)
         self.suspicion = 0.0
 
     def doubt(self) -> None:
-        """Mix in, with half the weight, what would be the case if the readings so far said nothing."""
+        """Mix in, with half the weight, the belief without the readings so far."""
         self._weight = (1.0 - _UNTRUSTED) * self._weight + _UNTRUSTED / _BINS
 
     def move(self, motion: Motion) -> None:
-        """Take in what the wheels did in a cycle.
+        """Update with the motion of the wheels in a cycle.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class GpsTracker:
         self._weight = weight
 
     def observe(self, reading: Place) -> tuple[Floats, bool]:
-        """Take in a reading.
+        """Update with a reading.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class GpsTracker:
         Returns
         -------
         likelihood : array, shape (bins,)
-            Of the reading for every heading, given all before; the greatest is 1.
+            Likelihood of the reading for every heading, given all before; the greatest is 1.
         jumped : bool
             Whether the robot must have been moved by hand. The tracker has begun anew then.
         """
@@ -184,7 +184,7 @@ class GpsTracker:
         return np.asarray(self._mean[nearest])
 
     def at(self, values: Floats, headings: Floats) -> Floats:
-        """Look up a value of each bin at other headings, averaged over 5 degrees.
+        """Interpolate a value of each bin at other headings, averaged over 5 degrees.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class GpsOffset:
     Parameters
     ----------
     reading_variance : float
-        Of a reading along each axis, in units squared.
+        Reading variance of a reading along each axis, in units squared.
     """
 
     def __init__(self, reading_variance: float) -> None:
@@ -220,7 +220,7 @@ class GpsOffset:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Reset."""
         self.value: Place = (0.0, 0.0)
         self._count = 0
         self._doubt = 0.0
@@ -232,11 +232,11 @@ class GpsOffset:
 
     @property
     def variance(self) -> float:
-        """Along each axis, in units squared."""
+        """Variance along each axis, in units squared."""
         return self._reading_variance / max(self._count, 1) + _POSE_ERROR**2
 
     def learn(self, reading: Place, x: float, y: float) -> None:
-        """Take in a reading at a pose that is known; begin anew if it contradicts what was learnt.
+        """Update with a reading at a known pose; begin anew if it contradicts what was learnt.
 
         Parameters
         ----------
@@ -319,7 +319,7 @@ class GpsSense:
         return PlaceDensity(mean - np.array(offset), variance + self.tracker.variance)
 
     def begin_anew(self, belief: PoseBelief) -> None:
-        """Weigh a belief that has been given up, and is uniform, by what is known all the same.
+        """Weigh a uniform belief, after a restart, by what is known in any case.
 
         After a jump that is the place, by the offset, if it was known. Without a jump the belief was wrong,
         hence the offset too, and it is the heading.

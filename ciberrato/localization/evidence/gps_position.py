@@ -1,4 +1,4 @@
-"""What the GPS tells of the place after a jump, when the offset is known."""
+"""Evidence of the GPS on the position after a jump, when the offset is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Return whether the readings fit the map at all: what no comparison of poses within one map can tell.
+"""Whether the readings fit the map at all, which no comparison of poses within one map can show.
 
 A filter with a wrong map is soon certain of the pose that explains the readings least badly. So the readings
 are held against what they could be at best: the misfit of a reading is the natural logarithm of the
@@ -40,7 +40,7 @@ class MapFit:
         self.since: int | None = None
 
     def observe(self, misfit: float, weight: float, time: int) -> None:
-        """Take in the mean misfit of the readings of a moment.
+        """Update with the mean misfit of the readings at one moment.
 
         Parameters
         ----------

@@ -14,7 +14,7 @@ from ciberrato.world.parameters import Parameters
 
 
 def sensors_used(lab: Lab, parameters: Parameters) -> tuple[str, ...]:
-    """Name the sensors that tell the pose filter something.
+    """List the sensors that the pose filter uses.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def compass_log_likelihood(belief: PoseBelief, degrees: float, noise: float) -> 
 
 
 def weigh_collision(belief: PoseBelief, way: float, exponent: float) -> None:
-    """Weigh the states by how near they are to a wall in the direction of a collision.
+    """Weigh the states by their distance to a wall in the direction of a collision.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class StartPrior:
         Parameters
         ----------
         turn : Turn
-            Of the lab, under which it looks the same.
+            Turn of the lab under which it looks the same.
         """
         if self.heading is not None:
             return True
@@ -65,7 +65,7 @@ ANYWHERE = StartPrior()
 
 
 def parse_start(text: str) -> StartPrior:
-    """Read what is known of the start.
+    """Parse what is known of the start.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def _begin_at(belief: PoseBelief, place: tuple[float, float], heading: float | N
 
 
 def _nearest_bin(belief: PoseBelief, heading: float) -> tuple[int, float]:
-    """Bin nearest to a heading in degrees, and the radians by which the heading is ahead of it."""
+    """Return the bin nearest to a heading in degrees, and by how many radians the heading is ahead of it."""
     angle = math.radians(heading)
     nearest = round(angle / belief.bin_width)
     return nearest % belief.bins, angle - nearest * belief.bin_width

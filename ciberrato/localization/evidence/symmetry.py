@@ -5,7 +5,7 @@ a robot sees of them is the same, at least far from the border. A robot without 
 which of the equal places it is, but a filter on a square lattice comes to prefer one of them, as the
 lattice does not look the same turned by 120 degrees. So the turns under which much of the lab looks the
 same are looked for beforehand, and the estimate's probability is shared with its turned images, except
-for those that the readings have told apart since the estimate is where it is: by walls that are not the
+for those that the readings have distinguished since the estimate is where it is: by walls that are not the
 same after all, by the border, a target, or the compass.
 """
 
@@ -73,7 +73,7 @@ def find_turns(lab: Lab, walls: WallMap, places: Floats, resolution: float) -> l
     places : array, shape (n, 2)
         Free places, spread evenly over the lab, in units.
     resolution : float
-        Of the filter's lattice. Turns that leave its nodes in place are left out.
+        Resolution of the filter's lattice. Turns that leave its nodes in place are left out.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def _keeps_nodes(turn: Turn, resolution: float) -> bool:
 
 
 def share_alike(turn: Turn, walls: WallMap, places: Floats) -> float:
-    """Share of places from which a lab looks the same after a turn.
+    """Compute the share of places from which a lab looks the same after a turn.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ class PoseScore:
 
 
 class SymmetryCheck:
-    """Gathers what tells an estimate from its turned images.
+    """Gathers the evidence between an estimate and its turned images.
 
     Parameters
     ----------

@@ -38,5 +38,5 @@ class Alarm:
         return evidence != 0.0 and self.level <= settings.alarm
 
     def reset(self) -> None:
-        """Forget what was gathered: the belief is another one."""
+        """Reset the statistics: the belief was replaced."""
         self.level = 0.0

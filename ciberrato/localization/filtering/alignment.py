@@ -89,11 +89,11 @@ class MessageAlignment:
         self._messages = 0
 
     def begin_at(self, wheels: Command, time: int | None) -> None:
-        """Begin in the middle of a run, with what the wheels gave and the time of the last message."""
+        """Begin in the middle of a run, with the last motion of the wheels and the last message's time."""
         self.wheels, self.time = wheels, time
 
     def take(self, measures: Measures, command: Command | None) -> Moment | None:
-        """Take in a message.
+        """Process a message.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class MessageAlignment:
         )
         if doubtful:  # half way between what wheels give that were stopped and that were not
             self.wheels = self.wheels[0] / 2.0, self.wheels[1] / 2.0
-        # A robot that stands is told nothing new by the floor that it stands on.
+        # The floor below a robot that stands brings nothing new.
         return moment if moment.moved > 0.0 or self._messages < 3 else moment._replace(ground=None)
 
     def _late(self, latency: int) -> Measures | None:
@@ -160,7 +160,7 @@ class MessageAlignment:
 def _motions(
     commands: tuple[Command, ...], wheels: Command, collision: bool | None
 ) -> tuple[list[Motion], Command]:
-    """Return what the wheels do in the cycles between two messages, and what they give in the last."""
+    """Return the motions of the wheels in the cycles between two messages, and the last of them."""
     motions = []
     for number, command in enumerate(commands, start=1):
         wheels = left, right = wheels_after(command, wheels)
@@ -171,13 +171,13 @@ def _motions(
 
 
 def wheels_after(command: Command, wheels: Command) -> Command:
-    """Return what the wheels give in a cycle, from the command in effect and what they gave before."""
+    """Return the motion of the wheels in a cycle, from the command in effect and their motion before."""
     left, right = (filter_power(clamp_power(c), w) for c, w in zip(command, wheels, strict=True))
     return left, right
 
 
 def dead_reckoned(found: PoseEstimate, wheels: Command, commands: list[Command]) -> PoseEstimate:
-    """Move an estimate by commands, one a cycle.
+    """Move an estimate by commands, one per cycle.
 
     Parameters
     ----------

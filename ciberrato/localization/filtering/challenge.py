@@ -46,7 +46,7 @@ class Contender(Protocol):
         """Begin in the middle of a run."""
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
-        """Take in one message."""
+        """Process one message."""
 
     def estimate(self) -> PoseEstimate:
         """Return the pose at the last message."""
@@ -81,7 +81,7 @@ class Challenge:
         command: Command | None,
         before: tuple[Command, int | None],
     ) -> Contender | None:
-        """Let a challenger take part, if it is time for one.
+        """Start a challenger, if it is time for one.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The full-pose filter, which tells where in the lab the robot is and where it looks.
+"""The full-pose filter, which estimates position and heading of the robot in the lab.
 
 Grid localization (Thrun, Burgard, Fox, *Probabilistic Robotics*, section 8.2) over (x, y, heading), run
 in every cycle: the belief is moved by what the wheels do and multiplied by the likelihood of what the
@@ -47,12 +47,12 @@ class GridFilter:
     ----------
     lab : Lab
     tables : PoseTables
-        Of the lattice that it begins on, and goes back to when it begins anew.
+        Tables of the lattice that it begins on, and goes back to when it begins anew.
     parameters : Parameters
         As announced.
     settings : FilterSettings, optional
     start : StartPrior or str
-        What is possible at the start: "anywhere", "centres" (of all cells, with a heading of 0, 90, 180 or
+        Prior of the start: "anywhere", "centres" (of all cells, with a heading of 0, 90, 180 or
         270 degrees) or what else `ciberrato.localization.evidence.start_prior.parse_start` reads.
     fine : FineStage, optional
         The stage after the first.
@@ -91,7 +91,7 @@ class GridFilter:
         self.alignment = MessageAlignment(parameters)
         self.alarm = Alarm()
         self.gps = GpsSense(parameters.gps_linear_noise, parameters.motors_noise) if parameters.gps else None
-        """What a GPS has told; None without one."""
+        """What the filter has learnt from a GPS; None without one."""
         self.last_step: FilterStep | None = None
         """The step taken in last."""
         self.restarts: list[int] = []
@@ -131,7 +131,7 @@ class GridFilter:
 
     @property
     def wheels(self) -> Command:
-        """What the wheels gave in the last cycle taken in, as far as the commands say."""
+        """Motion of the wheels in the last cycle processed, according to the commands."""
         return self.alignment.wheels
 
     def command_before(self, time: int) -> Command | None:
@@ -161,11 +161,11 @@ class GridFilter:
     # --- what happens -----------------------------------------------------------------------------------
 
     def begin_at(self, wheels: Command, time: int | None) -> None:
-        """Begin in the middle of a run, with what the wheels gave and the time of the last message."""
+        """Begin in the middle of a run, with the last motion of the wheels and the last message's time."""
         self.alignment.begin_at(wheels, time)
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
-        """Take in one message.
+        """Process one message.
 
         Parameters
         ----------
@@ -278,7 +278,7 @@ class GridFilter:
         self._diffusion.spread(belief, left, right, settings)
 
     def update(self, step: FilterStep, *, on_node: bool = False) -> None:
-        """Take in what the sensors said in a step.
+        """Update the belief with the sensor readings of a step.
 
         Parameters
         ----------
@@ -294,14 +294,14 @@ class GridFilter:
             self.stage.ground.weigh(self.belief, step.ground, self.stage.settings.exponent)
 
     def _judge(self, evidence: float, elsewhere: float, time: int) -> bool:
-        """Hear the alarm, and start anew if it sounds; return whether the belief stays."""
+        """Check the alarm, and restart if it is raised; return whether the belief stays."""
         stays = self.alarm.judge(evidence, elsewhere, self.stage.settings)
         if not stays:
             self.restart(time)
         return stays
 
     def restart(self, time: int) -> None:
-        """Forget everything: every free pose of the first stage is possible."""
+        """Reset the belief: every free pose of the first stage is possible."""
         if self.challenge is not None:
             self.challenge.end()
         if self.refinement is not None:
@@ -317,7 +317,7 @@ class GridFilter:
             self.gps.begin_anew(self.belief)
 
     def _give_way_to(self, stage: Stage, time: int) -> None:
-        """Go on with the belief of another filter, which has turned out to be right."""
+        """Replace the belief by that of another filter, which has turned out to be right."""
         self.restarts.append(time)
         self.alarm.reset()
         self.stage = stage

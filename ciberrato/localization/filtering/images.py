@@ -35,7 +35,7 @@ class TurnedImages:
         self._compared = False
 
     def begin_message(self) -> None:
-        """Note that there is something new to compare."""
+        """Announce that there is something new to compare."""
         self._compared = False
 
     def share(self, found: PoseEstimate, step: FilterStep | None, *, restarted: bool) -> PoseEstimate:
@@ -60,7 +60,7 @@ class TurnedImages:
         return dataclasses.replace(found, probability=found.probability * share)
 
     def _besides(self, heading: float, *, restarted: bool) -> NDArray[np.float64]:
-        """Return what start and GPS tell against each image, as natural logarithms."""
+        """Return the evidence of start and GPS against each image, as natural logarithms."""
         turns = self._check.turns
         known = 0.0 if restarted else _EXCLUDED
         against = np.array([known * self._start.excludes(turn) for turn in turns])

@@ -24,7 +24,7 @@ _EARLY, _NEVER = 0.4, 0.4
 LOST = 0.2
 """Prior probability that the last command before the gap was lost, too, and the one before it stayed."""
 _MOST = 64
-"""Moments looked at, at the most."""
+"""Greatest number of moments considered."""
 _NOT_MOVING = 0.02
 """Probability that a robot that was stopped is said to collide."""
 
@@ -36,7 +36,7 @@ def doubtful_cycles(cycles: int, commands: Sequence[Command]) -> int:
     ----------
     cycles : int
     commands : sequence of (float, float)
-        That may have been in effect.
+        Commands that may have been in effect.
     """
     return 0 if all(command == STANDSTILL for command in commands) else max(cycles - SURE, 0)
 
@@ -51,7 +51,7 @@ class Interruption:
     moments : int
         Doubtful cycles.
     collided : bool
-        Whether the message that ended the gap tells of a collision.
+        Whether the message that ended the gap reports a collision.
     """
 
     def __init__(self, moments: int, *, collided: bool) -> None:
@@ -66,11 +66,11 @@ class Interruption:
         self._kept: list[_Kept] = []
 
     def begin(self, share: float) -> None:
-        """Begin a way, which was the robot's with this probability."""
+        """Begin a drive, which was the robot's with this probability."""
         self._number, self._share, self._way = 0, 0.0, share
 
     def keep(self, belief: PoseBelief) -> None:
-        """Note a belief at which the robot may have stopped."""
+        """Store a belief at which the robot may have stopped."""
         self._share += float(self._shares[self._number])
         self._number += 1
         if self._number % self._step == 0 or self._number == len(self._shares) - 1:
@@ -78,14 +78,14 @@ class Interruption:
             self._share = 0.0
 
     def end(self, belief: PoseBelief) -> None:
-        """Note the belief at the way's end, of a robot that was not stopped."""
+        """Store the belief at the drive's end, of a robot that was not stopped."""
         self._note(belief, float(self._shares[-1]))
 
     def _note(self, belief: PoseBelief, share: float) -> None:
         self._kept.append(_Kept(self._way * share, belief.copy()))
 
     def mix(self, belief: PoseBelief) -> None:
-        """Make a belief, that at the last way's end, the mixture of all that were noted."""
+        """Replace a belief, that at the end of the last drive, by the mixture of all that were stored."""
         if all(kept.belief.dense is None for kept in self._kept):
             parts = [_moved(belief, kept.belief, kept.share) for kept in self._kept]
             bins, squares, weights = (np.concatenate(column) for column in zip(*parts, strict=True))

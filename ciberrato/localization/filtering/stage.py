@@ -57,7 +57,7 @@ class Stage:
         self.settings = settings
         self.belief = PoseBelief(tables.lattice, BINS, prune=settings.prune, uniform=uniform)
         self.ground = GroundSensor(lab, self.belief)
-        """The sensor that tells targets."""
+        """The sensor that detects targets."""
         self._codes = ReadingCodes(
             noise=parameters.obstacle_noise,
             place=settings.place_spread * tables.lattice.resolution,
@@ -77,7 +77,7 @@ class Stage:
         ----------
         step : FilterStep
         beacons : BeaconSense or None
-            None: beacons tell nothing.
+            None: beacons are not used.
         exact : bool
             Whether the robot is known to be on a node: then the likelihood is the node's, not its square's.
 
@@ -148,7 +148,7 @@ class FineStage:
     Parameters
     ----------
     tables : PoseTables or None
-        Of the fine lattice; None: they come later, to be set.
+        Tables of the fine lattice; None: they come later, to be set.
     settings : FilterSettings
     """
 

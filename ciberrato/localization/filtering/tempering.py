@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from ciberrato.localization.filtering.stage import Stage
 
-_LONG_REST = 20  # messages after which a robot at rest is told nothing new
+_LONG_REST = 20  # messages after which readings of a robot at rest bring nothing new
 
 
 class Tempering:

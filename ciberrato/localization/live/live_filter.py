@@ -2,7 +2,7 @@
 
 Messages go through a queue. In each cycle as many are worked off as fit into a budget of time; what is
 left waits for the next cycle, and the estimate is carried on by dead reckoning meanwhile. Nothing is
-dropped: the filter is late by a few cycles at the most while much is possible, and catches up as soon as
+dropped: the filter is late by at most a few cycles while many states are possible, and catches up as soon as
 little is. How late it was is counted.
 """
 
@@ -98,19 +98,19 @@ class LiveFilter:
         return None if fit is None else fit.since
 
     def mark(self, time: int) -> None:
-        """Have the belief over cells at a message kept in `moments`, as soon as it is taken in.
+        """Request the belief over cells at a message; `moments` has it once the message is processed.
 
         Parameters
         ----------
         time : int
-            Of the message observed last, in simulated cycles.
+            Time of the message observed last, in simulated cycles.
         """
         self.moments.mark(time)
         if self.filter is not None and self.lag == 0:
             self.moments.take(self.filter.belief, time)
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
-        """Take in a message, and work off as much as the budget allows.
+        """Queue a message, and process as much of the queue as the budget allows.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class LiveFilter:
             self.history.append((measures, command))
 
     def finish(self) -> GridFilter:
-        """Take in everything that is still waiting; without any tables yet, wait for the first.
+        """Process everything that is still waiting; without any tables yet, wait for the first.
 
         Returns
         -------

@@ -24,15 +24,15 @@ class CellMoments:
         self._kept: list[Floats] = []
 
     def begin(self, belief: PoseBelief) -> None:
-        """Keep the belief before the first message."""
+        """Store the belief before the first message."""
         self._prior = cell_probabilities(self._lab, belief)
 
     def mark(self, time: int) -> None:
-        """Ask for the belief at a message, not older than those asked for before; time in cycles."""
+        """Request the belief at a message, not older than earlier requests; time in cycles."""
         self._marked.append(time)
 
     def take(self, belief: PoseBelief, time: int) -> None:
-        """Keep a belief for all marks up to the time of the message that it has taken in."""
+        """Store a belief for all marks up to the time of its last message."""
         while len(self._kept) < len(self._marked) and self._marked[len(self._kept)] <= time:
             self._kept.append(cell_probabilities(self._lab, belief))
 

@@ -15,7 +15,7 @@ from ciberrato.localization.belief import compiled
 def cone_distances(
     tables: LabTables, x: Floats, y: Floats, direction: Floats, cosine: Floats, sine: Floats
 ) -> Floats:
-    """Distances that sensors take.
+    """Compute the distances that sensors measure.
 
     Parameters
     ----------

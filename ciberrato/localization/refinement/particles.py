@@ -85,7 +85,7 @@ class ParticleCloud:
         self._pose, self._wheels, self._weight = np.zeros((3, 0)), np.zeros((2, 0)), np.zeros(0)
 
     def begin(self, belief: PoseBelief, centre: Pose, reach: Pose) -> None:
-        """Begin with the part of a belief around a pose.
+        """Initialize with the part of a belief around a pose.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class ParticleCloud:
         )
 
     def follow(self, step: FilterStep, share: float) -> None:
-        """Take in a step.
+        """Update with a step.
 
         Parameters
         ----------
@@ -216,7 +216,7 @@ class ParticleCloud:
         self._weight = np.full(count, 1.0 / count)
 
     def _enough(self) -> int:
-        """Return how many particles a cloud of this spread asks for (KLD-sampling)."""
+        """Return how many particles a cloud of this spread needs (KLD-sampling)."""
         probable = self._weight > 0.1 / self.size
         width = np.array([[_BIN], [_BIN], [_BIN_TURN]])
         bins = len(np.unique(np.round(self._pose[:, probable] / width), axis=1).T)

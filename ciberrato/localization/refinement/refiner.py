@@ -45,7 +45,7 @@ class Refinement:
 
     @property
     def particles(self) -> int:
-        """How many there are; 0 while the pose is not known."""
+        """Number of particles; 0 while the pose is not known."""
         return self._cloud.size
 
     def end(self) -> None:
@@ -54,7 +54,7 @@ class Refinement:
         self._apart = 0
 
     def follow(self, step: FilterStep, share: float) -> None:
-        """Take in a step, see `ParticleCloud.follow`."""
+        """Update with a step, see `ParticleCloud.follow`."""
         self._followed = step
         if self._cloud.size:
             self._cloud.follow(step, share)
@@ -65,7 +65,7 @@ class Refinement:
         Parameters
         ----------
         found : PoseEstimate
-            Of the lattice.
+            Estimate of the lattice.
         belief : PoseBelief
             Where it comes from.
 

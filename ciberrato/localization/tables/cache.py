@@ -33,7 +33,7 @@ _LATTICE_ARRAYS = ("x", "y", "representative", "clearance", "cell", "site", "ind
 
 
 def cache_folder() -> Path:
-    """Where the tables are kept: ``$CIBERRATO_CACHE``, else ``ciberrato`` in the user's cache folder."""
+    """Return the tables' folder: ``$CIBERRATO_CACHE``, else ``ciberrato`` in the user's cache folder."""
     named = os.environ.get("CIBERRATO_CACHE")
     if named:
         return Path(named)
@@ -150,7 +150,7 @@ def read_tables(path: Path) -> PoseTables | None:
 
 
 def _read(stored: Mapping[str, Any]) -> PoseTables:
-    """Make tables of an archive.
+    """Read tables from an archive.
 
     Raises
     ------

@@ -87,7 +87,7 @@ class PoseTables:
 
     @property
     def known_turns(self) -> list[Turn] | None:
-        """What `symmetries` has found, if it has been asked."""
+        """Symmetries that `symmetries` has found, if it has been called."""
         return self._turns[0] if self._turns else None
 
     @property
@@ -98,13 +98,13 @@ class PoseTables:
 
     @property
     def code_shares(self) -> list[NDArray[np.float64]]:
-        """For each table how often every code occurs in it; shape (256,) each."""
+        """Frequencies of the codes in each table; shape (256,) each."""
         if not self._shares:
             self._shares.extend(_shares(codes[: len(codes) // 2]) for codes in self.codes)
         return self._shares
 
     def complete(self, lab: Lab) -> bool:
-        """Work out everything that is kept with the tables and else would be at its first use.
+        """Compute everything that is kept with the tables and would else be computed at its first use.
 
         Returns
         -------

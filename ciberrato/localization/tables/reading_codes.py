@@ -25,7 +25,7 @@ from ciberrato.infrared.model import CONTACT, SATURATION, reading_log_likelihood
 Codes = NDArray[np.uint8]
 
 CODES = 256
-_FARTHEST = 40.0  # units; nothing is told apart beyond
+_FARTHEST = 40.0  # units; distances beyond are not distinguished
 _NODES = np.array([NormalDist().inv_cdf((k + 0.5) / 41) for k in range(41)])
 _ROUNDING = 0.1
 _FAR_OFF = 12.0  # deviations beyond which a probability is below what outliers leave of double precision
@@ -85,7 +85,7 @@ def _spread(
 ) -> tuple[Floats, Floats, dict[int, Floats]]:
     """Return ideal readings over the square of every code, their deviations, and room for likelihoods.
 
-    Filters that are told the same share them: the likelihood of a new reading takes longer than a cycle of a
+    Filters with the same settings share them: the likelihood of a new reading takes longer than a cycle of a
     filter that knows where the robot is.
     """
     distance = code_distances()
@@ -98,7 +98,7 @@ def _spread(
 
 
 def code_distances() -> Floats:
-    """Distances that the codes stand for, falling.
+    """Return the distances that the codes stand for, falling.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def code_distances() -> Floats:
 
 
 def encode(distances: Floats) -> Codes:
-    """Turn distances into codes.
+    """Convert distances to codes.
 
     Parameters
     ----------

@@ -120,14 +120,14 @@ class TableWorker:
         return self._looped.wait(timeout)
 
     def stop(self) -> None:
-        """End the processes that compute, if there are any."""
+        """Stop the processes that compute, if there are any."""
         self._stopped = True
         for process in (self._process, self._warming):
             if process is not None:
                 process.terminate()
 
     def join(self) -> None:
-        """Wait for the threads, after `stop`: a second at the most, if one is loading something."""
+        """Wait for the threads, after `stop`: at most a second, if one is loading something."""
         for thread in self._threads:
             thread.join()
 
@@ -147,7 +147,7 @@ class TableWorker:
             self._done.set()
 
     def _load_loops(self) -> None:
-        """Let another process compile what is not in numba's cache yet, then load it from there."""
+        """Compile in another process what is not in numba's cache yet, then load it from there."""
         try:
             from ciberrato.localization.belief import compiled
 

@@ -47,7 +47,7 @@ class Peer(ABC):
 
     @property
     def exhausted(self) -> bool:
-        """Return whether it has sent more than is read in a cycle."""
+        """Whether it has sent more than is read in a cycle."""
         return False
 
     @abstractmethod
@@ -55,18 +55,18 @@ class Peer(ABC):
         """Send a message, or lose it: no client may hold up the simulation."""
 
     def acknowledge(self) -> None:  # noqa: B027 - most transports have nothing to do
-        """Let the client's system send on what it holds back until it knows that we have what came before."""
+        """Acknowledge messages, so that the client's system sends what it holds back until then."""
 
     def serve_every_cycle(self) -> None:  # noqa: B027 - as above
         """Read as much of this client as of a robot: its allowance is renewed with each cycle."""
 
     def overflow(self) -> int:
-        """Return how many messages the system has dropped since this was last asked, as it was not read."""
+        """Return how many unread messages the system has dropped since the last call."""
         return 0
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the client; what was sent still goes out. Closing twice does no harm."""
+        """Close the client; what was sent still goes out. Closing twice does no harm."""
 
 
 class Newcomer(ABC):
@@ -98,7 +98,7 @@ class Newcomer(ABC):
         """Open the client's own channel; its Reply goes out on it, also a refusal."""
 
     def turn_away(self) -> None:  # noqa: B027 - where nothing is open there is nothing to close
-        """Let go of a client that does not register."""
+        """Close a client that does not register."""
 
 
 Welcome = Callable[[Newcomer, bytes], bool]
@@ -117,7 +117,7 @@ class Transport(ABC):
 
     @abstractmethod
     def open(self, host: str, port: int) -> None:
-        """Listen; port 0 takes any free one.
+        """Open the transport; port 0 chooses any free one.
 
         Raises
         ------
@@ -127,13 +127,13 @@ class Transport(ABC):
 
     @abstractmethod
     def serve(self, readiness: Readiness, welcome: Welcome, meter: Meter) -> None:
-        """Put the open socket under watch; newcomers' messages go to `welcome`, as many as `meter` allows."""
+        """Serve the open socket; newcomers' messages go to `welcome`, as many as `meter` allows."""
 
     def tick(self, now: float) -> None:  # noqa: B027 - most have nothing to do
-        """Look after what takes too long; called once in a CycleTime, with the meter's time in seconds."""
+        """Close what takes too long; called once per CycleTime, with the meter's time in seconds."""
 
     def make_room(self) -> None:  # noqa: B027 - most have nothing to let go of
-        """Let go of a client that has not registered: one that has needs a descriptor."""
+        """Close a client that has not registered: one that has needs a descriptor."""
 
     @abstractmethod
     def close(self) -> None:
@@ -141,4 +141,4 @@ class Transport(ABC):
 
 
 def ignore(data: bytes) -> None:
-    """Take messages of a client that is not listened to."""
+    """Ignore messages of a client that is not listened to."""

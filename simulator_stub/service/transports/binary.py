@@ -62,7 +62,7 @@ class BinaryPeer(Peer):
 
     @property
     def exhausted(self) -> bool:
-        """Return whether it has sent more than is read in a cycle."""
+        """Whether it has sent more than is read in a cycle."""
         return self._peer.exhausted
 
     def close(self) -> None:

@@ -47,7 +47,7 @@ class TcpTransport(Transport):
         self.port = 0
 
     def open(self, host: str, port: int) -> None:
-        """Listen."""
+        """Open the transport."""
         keep_port(self._socket)
         self._socket.bind((host, port))
         self._socket.listen()
@@ -133,7 +133,7 @@ class TcpNewcomer(Newcomer):
         self.source = peer.source
 
     def accept(self) -> Peer:
-        """Return the connection itself, which does not listen until it is told to."""
+        """Return the connection itself, which does not listen until it is started."""
         self._peer.settled()
         self.registered = self._peer
         self._peer.deliver = ignore
@@ -248,7 +248,7 @@ class TcpPeer(Peer):
 
     @property
     def exhausted(self) -> bool:
-        """Return whether it has sent more than is read in a cycle."""
+        """Whether it has sent more than is read in a cycle."""
         return self._paused
 
     def widen(self) -> None:

@@ -166,7 +166,7 @@ class UdpPeer(Peer):
         self.source = address[0]
 
     def read(self) -> None:
-        """Take one datagram."""
+        """Read one datagram."""
         if self._allowance.left() <= 0:  # called because of an error, while nothing is to be read
             self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             return
@@ -186,7 +186,7 @@ class UdpPeer(Peer):
 
     @property
     def exhausted(self) -> bool:
-        """Return whether it has sent more than is read in a cycle."""
+        """Whether it has sent more than is read in a cycle."""
         return self._allowance.exhausted
 
     def serve_every_cycle(self) -> None:
@@ -234,7 +234,7 @@ class Overflow:
         self._counted = 0
 
     def count(self) -> int:
-        """Return how many datagrams were dropped since it was last asked."""
+        """Return how many datagrams were dropped since the last call."""
         try:
             words = self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, 4 * (_DROPS + 1))
             dropped = int(struct.unpack_from("=I", words, 4 * _DROPS)[0])

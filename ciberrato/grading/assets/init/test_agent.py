@@ -12,7 +12,7 @@ HERE = Path(__file__).parent
 
 @pytest.fixture(scope="session")
 def runs() -> list[dict[str, str]]:
-    """Rows of the results, one a lab and seed; runs whose files have not changed are not run again."""
+    """Return the rows of the results, one per lab and seed; runs with unchanged files are not repeated."""
     report = HERE / "report"
     words = ["ciberrato.grading", str(HERE / "course.toml"), "--output", str(report), "--quiet"]
     subprocess.run([sys.executable, "-m", *words], check=True, timeout=1200)
@@ -21,7 +21,7 @@ def runs() -> list[dict[str, str]]:
 
 
 def test_it_lives_through_every_run(runs: list[dict[str, str]]) -> None:
-    """It neither crashes, nor falls silent, nor is stopped by a limit."""
+    """Test that it neither crashes, nor falls silent, nor is stopped by a limit."""
     bad = [run for run in runs if run["status"] not in ("finished", "time over")]
     assert not bad, "\n".join(
         f"{run['lab']}, seed {run['seed']}: {run['status']} {run['detail']}" for run in bad
@@ -29,12 +29,12 @@ def test_it_lives_through_every_run(runs: list[dict[str, str]]) -> None:
 
 
 def test_it_answers_every_cycle(runs: list[dict[str, str]]) -> None:
-    """A cycle without an answer goes on with the last command."""
+    """Test that it answers every cycle: without an answer the last command stays in force."""
     assert {
         f"{run['lab']}, seed {run['seed']}": run["unanswered"] for run in runs if run["unanswered"] != "0"
     } == {}
 
 
 def test_it_makes_points(runs: list[dict[str, str]]) -> None:
-    """At least in one run."""
+    """Test that it makes points in at least one run."""
     assert max(float(run["points"]) for run in runs) > 0.0
