@@ -8,8 +8,7 @@ from __future__ import annotations
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-
-    from ciberrato.files.findings import Finding
+    from typing import Any
 
 
 class CiberratoError(Exception):
@@ -36,7 +35,7 @@ class LabError(CiberratoError):
     """
 
     def __init__(
-        self, problem: str, *, source: str = "", line: int | None = None, findings: Sequence[Finding] = ()
+        self, problem: str, *, source: str = "", line: int | None = None, findings: Sequence[Any] = ()
     ) -> None:
         place = ":".join(str(part) for part in (source or None, line) if part is not None)
         super().__init__(f"{place}: {problem}" if place else problem)

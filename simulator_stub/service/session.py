@@ -22,7 +22,6 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from ciberrato.errors import ProtocolError
-from ciberrato.plaintext import plain
 from ciberrato.protocol import (
     GridRequest,
     LabRequest,
@@ -299,7 +298,7 @@ class Session:
         self.robots[robot_id] = RobotClient(robot_id, peer)
         self.robots = dict(sorted(self.robots.items()))
         peer.send(self._reply)
-        self._notify(f"robot {robot_id}, {plain(registration.name, 40)!r}, registered from {peer.label}")
+        self._notify(f"robot {robot_id}, {registration.name!r:.60}, registered from {peer.label}")
 
     def _tell_of_start(self) -> None:
         """Say once what a robot that is there waits for."""
