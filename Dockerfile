@@ -1,7 +1,7 @@
 # The programs in an image: the simulator, and by another entry point the viewer, the agent or ciberrato-grade.
 #
 #     docker build -t ciberrato .
-#     docker run --rm -p 6000:6000/udp -p 6000:6000/tcp ciberrato --lab maze --grid maze
+#     docker run --rm -p 127.0.0.1:6000:6000/udp -p 127.0.0.1:6000:6000/tcp ciberrato --lab maze --grid maze
 
 FROM python:3.12-slim AS wheel
 WORKDIR /source
@@ -24,5 +24,6 @@ USER 1000
 WORKDIR /runs
 EXPOSE 6000/udp 6000/tcp 6080/tcp
 STOPSIGNAL SIGINT
-ENTRYPOINT ["ciberrato-simulator"]
+# All that comes into a container comes from outside it; who may send is told by the ports that are published.
+ENTRYPOINT ["ciberrato-simulator", "--bind", "0.0.0.0"]
 CMD ["--lab", "maze", "--grid", "maze"]

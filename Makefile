@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo examples docs test quick lint chaos chaos-long fuzz conformance accuracy bench figures release clean
+.PHONY: help setup locked lock demo examples docs test quick lint chaos chaos-long fuzz conformance accuracy bench figures release clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -19,6 +19,16 @@ $(VENV)/.runtime: pyproject.toml
 $(VENV)/.stamp: $(VENV)/.runtime
 	$(BIN)/python -m pip install --quiet --editable '.[dev,fast]'
 	@touch $@
+
+locked: requirements-dev.txt  ## make .venv with the versions of requirements-dev.txt, checked by their hashes
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.txt
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $(VENV)/.runtime $(VENV)/.stamp
+
+lock: $(VENV)/.runtime  ## write requirements-dev.txt anew from pyproject.toml
+	$(BIN)/python -m pip install --quiet 'uv>=0.5'
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --extra dev --extra fast --output-file requirements-dev.txt pyproject.toml
 
 setup: $(VENV)/.stamp  ## make .venv with everything the other targets need
 
@@ -43,6 +53,8 @@ chaos: $(VENV)/.stamp  ## bad networks, hostile clients, full disks: the part th
 chaos-long: $(VENV)/.stamp  ## all of that, and the table of faults, five tries each
 	$(BIN)/python -m pytest tests/chaos
 	$(BIN)/python -m tests.chaos.scenario --tries 5
+	$(BIN)/python -m tests.chaos.soak --minutes 20
+	$(BIN)/python -m tests.chaos.starvation --runs 100
 
 fuzz: $(VENV)/.stamp  ## coverage-guided fuzzing of all readers, 10 minutes each, or SECONDS=..., READERS="lab overlay"
 	$(BIN)/python -m pip install --quiet 'atheris>=3.0'

@@ -288,6 +288,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run what the command line says."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bad_links", description=__doc__)
     parser.add_argument("--runs", type=int, default=6, help="a condition and lab")
+    parser.add_argument("--first-seed", type=int, default=0, help="the others are counted up")
     parser.add_argument("--cycles", type=int, default=400)
     parser.add_argument("--lab", nargs="+", default=["maze", "corridors"])
     parser.add_argument("--drive", default="explore")
@@ -301,7 +302,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         (one, lab, options.drive, seed, options.cycles)
         for one in chosen
         for lab in options.lab
-        for seed in range(options.runs)
+        for seed in range(options.first_seed, options.first_seed + options.runs)
     ]
     with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
         outcomes = pool.map(_run, tasks, chunksize=1)
@@ -316,10 +317,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"  {row['poses wrong']:11.3f}  {row['runs with a wrong sure cell']:10d}"
             f"  {row['collisions']:10d}  {row['turns']:5.1f}  {row['blind']:5.2f}"
         )
+    pooled = reliability([claim for one in outcomes for claim in one.claims])
+    print("all together, of cells said with (mean of a class): right (number)")
+    print(", ".join(f"{said:.4f}: {right:.3f} ({number})" for said, right, number in pooled))
     if options.json is not None:
         options.json.write_text(json.dumps([dataclasses.asdict(one) for one in outcomes]))
     if options.figure is not None:
-        pooled = reliability([claim for one in outcomes for claim in one.claims])
         draw(table, pooled, options.figure)
 
 

@@ -16,7 +16,8 @@ from typing import IO, Any, NoReturn
 
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.plaintext import plain
-from ciberrato.system.process import take_any_character
+from ciberrato.system.limits import allow_descriptors, memory_is_limited
+from ciberrato.system.process import reader_has_gone, take_any_character
 from ciberrato.version import __version__
 
 LEAST_DESCRIPTORS = 16
@@ -88,13 +89,13 @@ class Output:
                 self._give_up(error)
 
     def isatty(self) -> bool:
-        """Tell whether it is a terminal."""
+        """Return whether it is a terminal."""
         return self._stream is not None and self._stream.isatty()
 
     def __getattr__(self, name: str) -> Any:
         stream = self.__dict__.get("_stream")
         if stream is None:  # a stream like any other, to nowhere
-            stream = self.__dict__["_stream"] = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+            stream = self.__dict__["_stream"] = open(os.devnull, "w", encoding="utf-8", newline="\n")  # noqa: SIM115
         return getattr(stream, name)
 
     def _give_up(self, error: OSError) -> None:
@@ -143,7 +144,7 @@ def _status(program: str, body: Callable[[], int], output: Output, shows: Callab
         status = body()
         output.flush()
         fault = output.fault
-        if fault is not None and fault.errno != errno.EPIPE:  # a reader that has seen enough is no fault
+        if fault is not None and not reader_has_gone(fault):  # a reader that has seen enough is no fault
             print(f"{program}: the output is cut short: {fault.strerror}", file=sys.stderr)
             status = status or 2 * shows()
     except CiberratoError as error:
@@ -197,16 +198,9 @@ def _open_streams() -> None:
 
 def _check_limits() -> None:
     """Refuse to begin with too few file descriptors; let libraries be modest where memory is limited."""
-    try:
-        import resource
-    except ImportError:  # not on this system
-        return
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft != resource.RLIM_INFINITY and soft < LEAST_DESCRIPTORS:
-        enough = LEAST_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, LEAST_DESCRIPTORS)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (enough, hard))
-        if enough < LEAST_DESCRIPTORS:
-            raise UsageError(f"only {enough} file descriptors are allowed: {_HELP['file descriptors']}")
-    if resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:
+    enough = allow_descriptors(LEAST_DESCRIPTORS)
+    if enough < LEAST_DESCRIPTORS:
+        raise UsageError(f"only {enough} file descriptors are allowed: {_HELP['file descriptors']}")
+    if memory_is_limited():
         # Its threads each ask for memory when numpy is loaded, and end the process where there is none.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -315,7 +315,7 @@ class CRobLink:
                 if found:
                     break
                 if time.monotonic() < end:
-                    continue  # refused: nobody there just now
+                    continue  # refused: no simulator there just now
                 if 0 < self.simTime <= self.measures.time:
                     print(f"{self.robName}: the run is over (time {self.measures.time})", file=sys.stderr)
                     sys.exit(0)

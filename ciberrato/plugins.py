@@ -7,17 +7,19 @@ module that is installed. Whatever is wrong with a part is one line that says wh
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.util
 import inspect
 import os
 import re
 import sys
+import sysconfig
 import traceback
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ciberrato.errors import UsageError, did_you_mean
+from ciberrato.errors import CiberratoError, UsageError, did_you_mean
 from ciberrato.reprs import short_repr
 
 if TYPE_CHECKING:
@@ -197,11 +199,59 @@ def models(group: str) -> dict[str, type]:
 
 
 def failure(label: str, error: BaseException) -> UsageError:
-    """Say in a line what a part raised, and where."""
-    frames = traceback.extract_tb(error.__traceback__)
+    """Say in a line what a part raised, and where: in which line that is neither Python's nor ours."""
+    frames = [one for one in traceback.extract_tb(error.__traceback__) if _is_foreign(one.filename)]
     place = f" ({os.path.basename(frames[-1].filename)}:{frames[-1].lineno})" if frames else ""
     words = " ".join(str(error).split())
     return UsageError(f"{label}: {type(error).__name__}{': ' * bool(words)}{words}{place}")
+
+
+def guarded(kind: type, label: str, methods: Iterable[str]) -> type:
+    """Derive a class whose methods turn what they raise into a line.
+
+    Parameters
+    ----------
+    kind : type
+    label : str
+        Which part it is, and whose; see `ciberrato.plugins.Part`.
+    methods : iterable of str
+        Methods that a simulation calls, and properties that it reads.
+
+    Returns
+    -------
+    type
+        Of the same name. Its methods raise `UsageError`, with the file and the line where it happened.
+    """
+    members: dict[str, Any] = {"__module__": kind.__module__, "__qualname__": kind.__qualname__}
+    for name in methods:
+        member = getattr(kind, name)
+        if isinstance(member, property):
+            if member.fget is not None:
+                members[name] = property(_telling(member.fget, label))
+        else:
+            members[name] = _telling(member, label)
+    return type(kind.__name__, (kind,), members)
+
+
+def _telling(method: Callable[..., Any], label: str) -> Callable[..., Any]:
+    @functools.wraps(method)
+    def told(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return method(*args, **kwargs)
+        except CiberratoError:
+            raise
+        except Exception as error:
+            raise failure(label, error) from None
+
+    return told
+
+
+def _is_foreign(path: str) -> bool:
+    home = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    ours = tuple(os.path.join(home, name, "") for name in ("ciberrato", "agent", "simulator_stub"))
+    library = path.startswith(os.path.join(sysconfig.get_path("stdlib"), ""))
+    installed_there = "site-packages" in path or "dist-packages" in path
+    return not path.startswith(("<", *ours)) and (installed_there or not library)
 
 
 def _loaded(reference: str, label: str) -> Any:

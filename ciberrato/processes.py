@@ -6,6 +6,7 @@ user's own ``agent.py`` there would run in place of ours.
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -47,3 +48,12 @@ def leave_working_folder() -> None:
     here = Path.cwd()
     if not sys.flags.safe_path and sys.path and sys.path[0] in ("", str(here)) and here.resolve() != ROOT:
         del sys.path[0]
+
+
+def come_first() -> None:
+    """Let folders of PYTHONPATH come after ours: a user's ``agent.py`` there would be imported as `agent`."""
+    users = {os.path.abspath(one) for one in os.environ.get("PYTHONPATH", "").split(os.pathsep)}
+    users.discard(str(ROOT))
+    sys.path.sort(key=lambda one: os.path.abspath(one) in users)  # a stable sort
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 from typing import Any
 
 LONGEST = 190
@@ -64,3 +65,21 @@ def cut(text: str, longest: int = LONGEST) -> str:
 
 def _same(value: Any, default: Any) -> bool:
     return type(value) is type(default) and bool(value == default)
+
+
+def html_repr(record: Any) -> str:
+    """Return a record as a notebook shows it: a picture of bounded size, and a caption.
+
+    Parameters
+    ----------
+    record : object
+        One of those that `ciberrato.plot.shown` draws.
+
+    Returns
+    -------
+    str
+        HTML; names in it are escaped.
+    """
+    # By name: plots stand on the rooms whose records they draw, and those must not stand on plots.
+    shown = importlib.import_module("ciberrato.plot.shown")
+    return str(shown.html_of(record))

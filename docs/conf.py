@@ -1,5 +1,6 @@
 """Configuration of the manual's site: `make docs` builds it into build/site, without the network."""
 
+import logging
 import os
 import sys
 from pathlib import Path
@@ -15,7 +16,7 @@ copyright = author
 release = version = __version__
 
 extensions = [
-    "myst_parser",
+    "myst_nb",  # Markdown, and a page that is a notebook: executed when the site is built
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "mathml",
@@ -24,12 +25,20 @@ extensions = [
     "sphinx_design",
     "sphinxcontrib.programoutput",
 ]
-source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-exclude_patterns = ["_templates", "_extensions"]
+source_suffix = {".md": "myst-nb", ".rst": "restructuredtext"}
+exclude_patterns = ["_templates", "_extensions", "_static"]
 templates_path = ["_templates"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
+
+# A notebook runs in the Python that builds the manual, whatever kernels are installed, and logs errors only.
+os.environ["JUPYTER_PATH"] = str(ROOT / "docs" / "_extensions")
+logging.getLogger("traitlets").setLevel(logging.WARNING)
+nb_kernel_rgx_aliases = {"python3": "quiet"}
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300  # seconds a cell, on a busy machine
 
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
@@ -44,4 +53,6 @@ os.environ.update(
 
 html_math_renderer = "mathml"
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["notebook.css"]
 html_title = f"ciberrato {release}"

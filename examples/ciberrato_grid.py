@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agent.views.figures.canvas import label_outer, set_lab_axes, set_title
 from agent.views.figures.panelchoice import telling_blocks
 from ciberrato.bayes import entropy_bits, most_likely_cell
 from ciberrato.bayes.arraytypes import FloatArray
@@ -23,6 +22,7 @@ from ciberrato.bayes.motion.shift import Shift
 from ciberrato.bayes.sensors.gaussian import GaussianSensor
 from ciberrato.files.lab import default_lab
 from ciberrato.infrared.model import cell_readings, round_reading
+from ciberrato.plot.canvas import label_outer, set_lab_axes, set_title
 from examples.figures import panels, save
 
 TITLE = "CiberRato grid: the published method on the standard lab, from (5, 7), start and 11 cells"

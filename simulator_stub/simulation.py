@@ -31,7 +31,7 @@ from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
 from simulator_stub.robot_transitions import next_state
 from simulator_stub.scoring import SCORINGS, Scoring, find_scoring
-from simulator_stub.sensors import SENSORS, Scene, Sensor, own_sensors
+from simulator_stub.sensors import SENSORS, Scene, Sensor, fill_in, own_sensors
 from simulator_stub.world.commands import Wanted, messages_of, robot_of
 from simulator_stub.world.motion import move
 from simulator_stub.world.noise import NoiseRoot, Stream
@@ -398,8 +398,7 @@ class Simulation:
         draft.end_led = robot.end_led
         draft.returning_led = robot.returning_led
         draft.visiting_led = robot.visiting_led
-        for name, reading in fields.items():
-            setattr(draft, name, reading)
+        fill_in(draft, fields)
         measures: Measures = draft.finish()
         return measures
 

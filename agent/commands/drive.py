@@ -85,6 +85,11 @@ def _session(
 ) -> Session:
     from agent.run.session import Session
 
+    drive, argument = options.drive
+    if options.exit_at_wall and drive != RIGHT:
+        raise UsageError(f"--exit-at-wall is for --drive {RIGHT} only: {drive} drives round walls")
+    if options.exit_when_finished and drive == RIGHT:
+        raise UsageError("--exit-when-finished is for --drive active and goto: right has nothing to finish")
     if not options.online and options.drive == (RIGHT, None) and not options.smooth:
         from agent.run.published_method import PublishedMethod
 
@@ -94,7 +99,6 @@ def _session(
     from ciberrato.localization.evidence.start_prior import check_start, parse_start
 
     check_start(parse_start(options.start), settings.lab)
-    drive, argument = options.drive
     check = drive_kind(drive).check
     if check is not None:
         check(argument, settings.lab)
@@ -143,6 +147,7 @@ def settings_of(options: argparse.Namespace) -> Settings:
         give_up_after=options.give_up_after,
         quiet=options.quiet,
         reconnect=options.reconnect,
+        lockstep=options.lockstep,
     )
 
 
@@ -215,9 +220,10 @@ def make_parser() -> OptionParser:
     add(
         "--lockstep",
         action="store_true",
-        help="with a simulator in lockstep: register when the tables are there, so that a seed gives one run",
+        help="with a simulator in lockstep: register when the tables are there and ask no clock, so that a "
+        "seed gives one run",
     )
-    add("--exit-at-wall", action="store_true", help="end the run when a wall is ahead")
+    add("--exit-at-wall", action="store_true", help="with --drive right: end the run when a wall is ahead")
     add(
         "--silence",
         type=option_types.seconds,

@@ -96,7 +96,7 @@ class Exchange:
 
     @property
     def is_moving(self) -> bool:
-        """Whether the last command that left lets the robot move."""
+        """Return whether the last command sent lets the robot move."""
         return bool(self._sent) and self._sent[-1].command != STANDSTILL
 
     def command_in_effect(self, arrived: float | None, time: int | None = None) -> Command | None:
@@ -185,7 +185,7 @@ class Exchange:
         return self.pace.patience if self.is_moving and not self.lockstep else math.inf
 
     def judge(self, measures: Measures) -> News:
-        """Tell whether a message is news; the same one is judged once, however often it is asked about."""
+        """Return whether a message is news; each is judged once."""
         for known, news in self._judged:
             if known is measures:
                 return news

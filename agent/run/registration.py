@@ -114,14 +114,14 @@ def register(
         try:
             arrivals = link.receive_arrivals()
             watched: int | None = link.fileno()
-        except LinkError:  # nobody is there, or no longer: wait for the next attempt
+        except LinkError:  # no simulator is there, or no longer: wait for the next attempt
             arrivals, watched = [], None
         answer, is_refused = _find_answer(arrivals, sent, place, reporter)
         if answer is not None:
             return answer
         now = time.monotonic()
         if is_refused:
-            # Whoever knows the port can say so; if it was not the simulator, that accepts within a cycle.
+            # Any program that knows the port can say so; the simulator itself accepts within a cycle.
             refused = min(refused, now)
         if now >= reminder:
             reporter.say(f"waiting for a simulator at {place} (Ctrl-C ends this)")

@@ -66,6 +66,8 @@ class Settings:
         Seconds without an answer to the registration.
     reconnect : bool
         Whether another run follows one whose simulator has gone: then refusals are waited out, too.
+    lockstep : bool
+        Whether the simulator is known to wait for every answer: then no clock has a say.
     quiet : bool
         Whether to print nothing but errors.
     """
@@ -91,6 +93,7 @@ class Settings:
     give_up_after: float | None
     quiet: bool
     reconnect: bool = False
+    lockstep: bool = False
 
 
 class Responder(Protocol):
@@ -257,6 +260,7 @@ class Session:
             raise UsageError(f"{settings.log}: cannot be written: {error.strerror}") from None
         controller = self._method.controller(self._header)
         self._exchange = exchange = controller.exchange
+        exchange.lockstep = self._settings.lockstep
         # The simulator answers a registration in its next cycle: what is beyond that was spent on the way.
         exchange.round_trip = max(answer.seconds - exchange.pace.seconds, 0.0)
         with writer:

@@ -81,7 +81,7 @@ class LinkChannel:
         self.link: Link = UdpLink(name, port) if transport == "udp" else TcpLink(name, port)
         self.unreadable = 0
         self.refused = False
-        """Whether somebody has refused the registration."""
+        """Whether the registration was refused."""
 
     def register(self, registration: RobotRegistration, give_up_after: float) -> Acceptance:
         """Register a robot; see `Channel.register`."""
@@ -114,7 +114,7 @@ class LinkChannel:
         return message if isinstance(message, Acceptance) else None
 
     def no_answer(self, registration: RobotRegistration, seconds: float) -> CiberratoError:
-        """Return the error for a registration that nobody has accepted."""
+        """Return the error for a registration that no simulator has accepted."""
         if self.refused:
             return refused(self.place, registration.name or "", registration.robot_id)
         return no_answer(self.place, seconds, self.transport)
@@ -195,7 +195,7 @@ class Attempts:
         return True
 
     def end_soon(self) -> None:
-        """Give up in a moment, if nobody accepts until then."""
+        """Plan to stop trying in a moment, unless a simulator accepts until then."""
         self._end = min(self._end, time.monotonic() + REFUSAL_PATIENCE)
         self._next = math.inf
 

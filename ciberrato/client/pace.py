@@ -49,7 +49,7 @@ class Pace:
 
     @property
     def is_real_time(self) -> bool:
-        """Whether cycles take about as long as announced; not before it can be told."""
+        """Return whether cycles take about as long as announced; False before that is known."""
         if self._lockstep or len(self._heard) < _LEAST:
             return False
         (first, begin), (last, end) = self._heard[0], self._heard[-1]

@@ -7,28 +7,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from ciberrato import plot
 from ciberrato.evaluation.attempt import Result
 from ciberrato.evaluation.report import group_by, times_to_localize
 from ciberrato.evaluation.task import TRUTH_PERIOD
 from ciberrato.plaintext import plain
 
-# By Okabe and Ito, to be told apart by the colour-blind; with line styles, to be told apart in print.
-_STYLES = (
-    ("#0072B2", "-", "o"),
-    ("#D55E00", "--", "s"),
-    ("#009E73", "-.", "^"),
-    ("#CC79A7", ":", "D"),
-    ("#E69F00", (0, (5, 1)), "v"),
-    ("#56B4E9", (0, (3, 1, 1, 1)), "P"),
-)
 _MOST_COLUMNS = 4
 _MOST_PANELS = 16
-_LEAST_RUNS = 5
-"""Runs that a point of the calibration stands for, at least."""
 
-Draw = Callable[[Any, str, list[Result], dict[str, Any]], None]
+Draw = Callable[[Any, str, list[Result], int], None]
 
 
 class _Figure(NamedTuple):
@@ -79,12 +67,12 @@ def draw_figures(results: Sequence[Result], fields: Sequence[str], folder: Path)
         )
         for axes, (name, groups) in zip(grid.flat, panels.items(), strict=False):
             for line, group in groups.items():
-                colour, dashes, marker = _STYLES[lines.index(line) % len(_STYLES)]
-                wanted.draw(axes, line, group, {"color": colour, "linestyle": dashes, "marker": marker})
+                wanted.draw(axes, line, group, lines.index(line))
             axes.set_title(plain(name, 40).replace("$", r"\$"), fontsize="medium")
             axes.grid(alpha=0.3)
         for number, axes in enumerate(grid.flat):
             axes.set_visible(number < len(panels))
+            axes.set(xlabel="", ylabel="")
             if number + columns >= len(panels):  # nothing below
                 axes.set_xlabel(wanted.x_label)
                 axes.xaxis.set_tick_params(labelbottom=True)
@@ -124,90 +112,34 @@ def _legend(grid: Any) -> tuple[list[Any], list[str]]:
     return [found[name] for name in names], names
 
 
-def _draw_times(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
+def _draw_times(axes: Any, label: str, results: list[Result], style: int) -> None:
     times = times_to_localize([result.outcome for result in results])
-    known = np.sort(times[np.isfinite(times)])
-    longest = max(result.task.cycles for result in results)
-    share = np.arange(len(known) + 1) / len(results)
-    axes.step(
-        [0.0, *known, longest],
-        [*share, share[-1]],
-        where="post",
-        label=label,
-        color=style["color"],
-        linestyle=style["linestyle"],
-    )
-    for level in (0.5, 0.9):
-        axes.axhline(level, color="grey", linewidth=0.6, linestyle=":")
-    _scale_cycles(axes, longest)
+    plot.times_to_localize(times, _longest(results), axes, label=label, style=style)
 
 
-def _scale_cycles(axes: Any, longest: int) -> None:
-    axes.set_xscale("symlog", linthresh=10.0)
-    ticks = [tick for tick in (0, 10, 30, 100, 300, 1000, 3000) if tick < 0.7 * longest] + [longest]
-    axes.set_xticks(ticks, [str(tick) for tick in ticks])
-    axes.minorticks_off()
-    axes.set_xlim(0.0, longest)
-    axes.set_ylim(0.0, 1.02)
-
-
-def _draw_truth(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
+def _draw_truth(axes: Any, label: str, results: list[Result], style: int) -> None:
     # A run that ended early did so as nothing more was to happen.
-    longest = max(result.task.cycles for result in results)
-    length = longest // TRUTH_PERIOD + 1
-    truths = [r.outcome.truth for r in results if r.outcome.truth]
-    if not truths:  # a filter that others wrote need not say
-        return
-    held = [[*truth, *[truth[-1]] * (length - len(truth))] for truth in truths]
-    axes.plot(
-        TRUTH_PERIOD * np.arange(length),
-        np.mean(held, axis=0),
-        label=label,
-        color=style["color"],
-        linestyle=style["linestyle"],
-    )
-    _scale_cycles(axes, longest)
+    truths = [result.outcome.truth for result in results]
+    plot.truth_probabilities(truths, _longest(results), TRUTH_PERIOD, axes, label=label, style=style)
 
 
-def _draw_errors(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
-    errors = np.sort([r.outcome.final_place_error for r in results if r.outcome.final_claim])
-    if not len(errors):
-        return
-    share = np.arange(len(errors) + 1) / len(errors)
-    axes.step(
-        [0.0, *np.minimum(errors, 1.0)],
-        share,
-        where="post",
-        label=label,
-        color=style["color"],
-        linestyle=style["linestyle"],
-    )
-    axes.axhline(0.95, color="grey", linewidth=0.6, linestyle=":")
-    axes.set_xlim(0.0, 0.3)
-    axes.set_ylim(0.0, 1.02)
+def _draw_errors(axes: Any, label: str, results: list[Result], style: int) -> None:
+    errors = [result.outcome.final_place_error for result in results if result.outcome.final_claim]
+    plot.place_errors(errors, axes, label=label, style=style)
 
 
-def _draw_shares(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
-    # Every run counts once in a range: the cycles of a run are not independent of one another.
-    counts = np.array([result.outcome.calibration for result in results], np.float64)
-    having = counts[:, :, 0] > 0.0
-    shares = np.where(having, counts[:, :, 1] / np.maximum(counts[:, :, 0], 1.0), 0.0)
-    usable = having.sum(axis=0) >= _LEAST_RUNS
-    middle = (np.arange(10) + 0.5) / 10.0
-    mean = shares.sum(axis=0)[usable] / having.sum(axis=0)[usable]
-    axes.plot([0.0, 1.0], [0.0, 1.0], color="grey", linewidth=0.8)
-    axes.plot(middle[usable], mean, label=label, markersize=5, **style)
-    axes.set_xlim(0.0, 1.0)
-    axes.set_ylim(0.0, 1.02)
+def _draw_shares(axes: Any, label: str, results: list[Result], style: int) -> None:
+    plot.calibration([result.outcome.calibration for result in results], axes, label=label, style=style)
 
 
-def _draw_collisions(axes: Any, label: str, results: list[Result], style: dict[str, Any]) -> None:
+def _draw_collisions(axes: Any, label: str, results: list[Result], style: int) -> None:
     cycles = sum(result.outcome.cycles for result in results)
     rate = 1000.0 * sum(result.outcome.collisions for result in results) / max(cycles, 1)
-    bars = axes.bar(label, rate, color=style["color"])
-    axes.bar_label(bars, [f"{rate:.2f}"], padding=2, fontsize="small")
-    axes.margins(y=0.15)
-    axes.set_ylim(bottom=0.0)
+    plot.collisions(rate, axes, label=label, style=style)
+
+
+def _longest(results: list[Result]) -> int:
+    return max(result.task.cycles for result in results)
 
 
 _FIGURES = (

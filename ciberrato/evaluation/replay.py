@@ -361,29 +361,24 @@ def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
     UsageError
         If the file cannot be written.
     """
-    from agent.views.figures.beliefs import draw_belief, probability_scale
-    from agent.views.figures.canvas import TRUE_COLOUR, draw_walls, new_figure, save_figure, set_lab_axes
+    from agent.views.figures.canvas import save_figure
+    from ciberrato import plot
+    from ciberrato.plot.canvas import TRUE_COLOUR, new_figure
 
     moments = found.moments[:_MOST_BLOCKS]
     rows = max(-(-len(moments) // 2), 1)
     figure = new_figure(12.0, 3.4 + 2.0 * rows)
     top, below = figure.subfigures(2, 1, height_ratios=(3.2, 2.0 * rows + 0.2))
-    axes = top.subplots()
-    draw_walls(axes, lab, colour="0.7")
-    axes.plot(*found.path.T, color=TRUE_COLOUR, linewidth=1.8, zorder=3)
-    axes.plot(*found.path[0], "o", color=TRUE_COLOUR, zorder=4)
-    axes.annotate("start", found.path[0], xytext=(0, -16), textcoords="offset points", ha="center")
-    axes.annotate("end", found.path[-1], xytext=(0, -16), textcoords="offset points", ha="center")
-    set_lab_axes(axes, lab.width, lab.height)
+    axes = plot.track(found.path, top.subplots(), lab=lab, colour=TRUE_COLOUR)
     axes.set_title(f"{found.name}: where the robot really drove")
     panels = list(below.subplots(rows, 4, squeeze=False).flat)
-    norm, nothing = probability_scale(), np.full((lab.rows, lab.columns), np.nan)
+    nothing = np.full((lab.rows, lab.columns), np.nan)
     for axis in panels:
         axis.set_axis_off()
     for number, moment in enumerate(moments):
         for axis, who in zip(panels[2 * number : 2 * number + 2], ("theirs", "ours"), strict=True):
             block = getattr(moment, who)
-            draw_belief(axis, nothing if block is None else block, norm, lab, moment.cell)
+            plot.cells(nothing if block is None else block, axis, lab=lab, truth=moment.cell)
             name = "original" if who == "theirs" else "ours"
             axis.set_title(f"{name}, cycle {moment.time}:\n{_panel_words(block, moment.cell)}", fontsize=9)
             axis.set_axis_on()

@@ -18,7 +18,7 @@ import numpy as np
 from ciberrato.arrays import Floats
 from ciberrato.errors import LabError
 from ciberrato.files.atomic import replace_file
-from ciberrato.reprs import short_repr
+from ciberrato.reprs import html_repr, short_repr
 from ciberrato.system.opening import open_patiently
 
 MIN_PRECISION, MAX_PRECISION = 2, 17
@@ -41,6 +41,7 @@ class BeliefRun:
     """
 
     __repr__ = short_repr
+    _repr_html_ = html_repr
 
     beliefs: Floats
     first_line: int

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ciberrato.protocol.messages import Measures
-from ciberrato.reprs import short_repr
+from ciberrato.reprs import html_repr, short_repr
 from ciberrato.world.lab import CELL_SIZE
 from ciberrato.world.parameters import Parameters
 
@@ -205,6 +205,7 @@ class RecordedRun:
     """
 
     __repr__ = short_repr
+    _repr_html_ = html_repr
 
     header: RunHeader
     cycles: tuple[Cycle, ...] = ()

@@ -56,8 +56,8 @@ def usage() -> str:
         [
             "usage: ciberrato COMMAND ...",
             "",
-            "Tools for the CiberRato robot competition. Each command has its own --help; all but demo are",
-            "also programs by themselves: ciberrato-simulator, ciberrato-agent, ...",
+            "Tools for the CiberRato robot competition. Each command has its own --help;",
+            "all but demo are also programs: ciberrato-simulator, ciberrato-agent, ...",
             "",
             *lines,
             "",

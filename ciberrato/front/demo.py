@@ -45,7 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit status: 0 when the robot ended up most likely where it really is.
     """
-    parser = ProgramParser("ciberrato demo", __doc__.partition("\n")[0])
+    parser = ProgramParser(
+        "ciberrato demo", "Run simulator and agent once, and show what the robot believes."
+    )
     parser.add_argument("--seed", type=int, default=7, help="seed of the simulator's noise (7)")
     parser.add_argument("--folder", type=Path, default=Path("demo"), help="where the files go (demo)")
     try:

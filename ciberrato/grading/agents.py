@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,16 +55,16 @@ def read_agent(table: Fields, folder: Path) -> Agent:
     inside = given if git is not None else None
     place = None if given is None or git is not None else (folder / given).resolve()
     if git is not None:
-        git = str((folder / git).resolve()) if (folder / git).is_dir() else git
+        git = str((folder / git).resolve()) if os.path.isdir(folder / git) else git
         if git.startswith("-"):
             table.fault(f"git: {git!r} is no address")
     elif ref is not None:
         table.fault("ref: needs git, the address that it is of")
-    if ref is not None and re.fullmatch(r"[A-Za-z0-9_](?!.*\.\.)[\w./+@-]*", ref) is None:
+    if ref is not None and re.fullmatch(r"[A-Za-z0-9_](?!.*\.{2})[\w./+@-]*", ref) is None:
         table.fault(f"ref: {ref!r} is no branch, tag or commit")
     if inside is not None and (Path(inside).is_absolute() or ".." in Path(inside).parts):
         table.fault(f"folder: {inside!r} leads out of the repository")
-    if place is not None and not place.is_dir():
+    if place is not None and not os.path.isdir(place):
         table.fault(f"folder: there is no folder {place}")
     elif place is not None and folder.resolve().is_relative_to(place):
         table.fault(f"folder: {given} holds the course itself; put the agent into a folder of its own")
@@ -72,6 +73,9 @@ def read_agent(table: Fields, folder: Path) -> Agent:
         table.fault(f"command: {fault}")
     build = table.words("build")
     environment = table.settings("environment")
+    for variable, value in environment:
+        if not variable or "=" in variable or "\0" in variable + value:
+            table.fault(f"environment: {variable!r} cannot be set to {value!r}")
     table.end()
     if build is not None and place is None and git is None:
         table.fault("build: needs a folder to build in")

@@ -98,7 +98,9 @@ class Folder(Groups):
     def works(self) -> bool:
         """Try it; the group that hands out limits must hold no processes, so we move below it if need be."""
         try:
-            if not {"memory", "pids"} <= set((self._base / "cgroup.controllers").read_text().split()):
+            if not {"memory", "pids"} <= set(
+                (self._base / "cgroup.controllers").read_text(encoding="ascii").split()
+            ):
                 return False
             if not os.access(self._base, os.W_OK):
                 return False
@@ -107,7 +109,7 @@ class Folder(Groups):
             except OSError:
                 self._ours = self._base / f"ciberrato-grade-{os.getpid()}"
                 self._ours.mkdir()
-                (self._ours / "cgroup.procs").write_text(str(os.getpid()))
+                (self._ours / "cgroup.procs").write_text(str(os.getpid()), encoding="ascii", newline="\n")
                 self._hand_out()
             self.around(["true"], megabytes=64, processes=8)
         except OSError:
@@ -116,17 +118,17 @@ class Folder(Groups):
         return True
 
     def _hand_out(self) -> None:
-        (self._base / "cgroup.subtree_control").write_text("+memory +pids")
+        (self._base / "cgroup.subtree_control").write_text("+memory +pids", encoding="ascii", newline="\n")
 
     def around(self, command: Sequence[str], *, megabytes: int, processes: int) -> list[str]:
         """Return the command that goes into a new group and becomes that command."""
         group = self._base / f"ciberrato-grade-{os.getpid()}-{next(self._numbers)}"
         group.mkdir()
         self._made.append(group)
-        (group / "memory.max").write_text(str(int(ABOVE * megabytes) << 20))
-        (group / "pids.max").write_text(str(processes + _SPARE))
+        (group / "memory.max").write_text(str(int(ABOVE * megabytes) << 20), encoding="ascii", newline="\n")
+        (group / "pids.max").write_text(str(processes + _SPARE), encoding="ascii", newline="\n")
         with contextlib.suppress(OSError):  # where there is no swap
-            (group / "memory.swap.max").write_text("0")
+            (group / "memory.swap.max").write_text("0", encoding="ascii", newline="\n")
         enter = 'echo $$ > "$1" && shift && exec "$@"'
         return ["sh", "-c", enter, "sh", str(group / "cgroup.procs"), *command]
 
@@ -140,7 +142,7 @@ class Folder(Groups):
                 group.rmdir()
         if self._ours is not None:
             with contextlib.suppress(OSError):
-                (self._base / "cgroup.procs").write_text(str(os.getpid()))
+                (self._base / "cgroup.procs").write_text(str(os.getpid()), encoding="ascii", newline="\n")
                 self._ours.rmdir()
 
 
@@ -164,7 +166,9 @@ def find_groups(root: Path = _ROOT, own: Path = Path("/proc/self/cgroup")) -> Gr
         if scopes.works():
             return scopes
     with contextlib.suppress(OSError, IndexError):
-        line = next((line for line in own.read_text().splitlines() if line.startswith("0::/")), None)
+        line = next(
+            (line for line in own.read_text(encoding="ascii").splitlines() if line.startswith("0::/")), None
+        )
         if line is not None and (root / "cgroup.controllers").is_file():
             folder = Folder(root / line[4:])
             if folder.works():

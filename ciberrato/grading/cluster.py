@@ -26,6 +26,7 @@ from ciberrato.grading.leftovers import temporary_folder
 from ciberrato.grading.outcome import Outcome
 from ciberrato.grading.task import Task
 from ciberrato.grading.workspace import LEFT_OUT
+from ciberrato.reprs import short_repr
 
 _LOCK = threading.Lock()
 _KEPT = contextlib.ExitStack()
@@ -36,6 +37,8 @@ _LAUNCHERS: dict[str, tuple[Launcher, Path]] = {}
 @dataclasses.dataclass(frozen=True, slots=True)
 class Done:
     """What comes back: a run and its recording, or why it could not be."""
+
+    __repr__ = short_repr
 
     outcome: Outcome | None = None
     measured: dict[str, Any] | None = None

@@ -19,6 +19,7 @@ from typing import Any
 
 from ciberrato.errors import UsageError
 from ciberrato.grading import supervisor
+from ciberrato.system.locks import user_and_group
 from ciberrato.version import __version__
 
 SUPERVISOR = "ciberrato.grading.containers"
@@ -119,7 +120,7 @@ def contain(wanted: Mapping[str, Any], engine: str, image: str) -> dict[str, Any
 
 
 def _walls(engine: str, name: str, network: str, tmp: str = "") -> list[str]:
-    user = f"{os.getuid()}:{os.getgid()}" if hasattr(os, "getuid") else "65534:65534"
+    user = user_and_group() or "65534:65534"
     return [
         *(engine, "run", "--name", name, "--pull", "never", "--network", network, "--user", user),
         *(("--userns", "keep-id") if engine == "podman" else ()),

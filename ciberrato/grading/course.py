@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from ciberrato import labs as shipped
 from ciberrato.errors import CiberratoError, LabError, UsageError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import parse_parameters_with_warnings
-from ciberrato.files.start_grid import read_grid
+from ciberrato.files.start_grid import default_grid, read_grid
 from ciberrato.files.xml import read_file
 from ciberrato.grading.agents import Agent as Agent
 from ciberrato.grading.agents import read_agent
@@ -77,6 +78,10 @@ class GradedLab:
     secret: bool = False
 
 
+MOST = 10**9
+"""Of each limit, in its unit; the system counts them in bytes and 64 bits."""
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What an agent may use in a run.
@@ -98,7 +103,7 @@ class Limits:
     files : int
         Open files a process.
     disk : int
-        MB of the largest file that it may write, and of its /tmp.
+        MB of the largest file that it may write, of its /tmp, and of what it adds to its folder.
     silence : float
         Seconds without an answer, by the simulation's clock, after which the run ends.
     """
@@ -240,7 +245,7 @@ def _course(top: Fields, folder: Path) -> Course:
     speed = top.number("speed", 1.0, least=0.01)
     answer_limit = top.number("answer_limit", None, least=0.001)
     readable = tuple(folder / name for name in top.texts("readable"))
-    for missing in (place for place in readable if not place.exists()):
+    for missing in (place for place in readable if not os.path.exists(place)):
         top.fault(f"readable: there is no {missing}")
     image = top.text("image", None)
     limits = _limits(top.table("limits"))
@@ -306,7 +311,7 @@ def read_graded_lab(table: Fields, folder: Path) -> GradedLab:
             return None
         try:
             beside = folder / given
-            return find(beside if beside.is_file() else given).resolve()  # type: ignore[operator, no-any-return]
+            return find(beside if os.path.isfile(beside) else given).resolve()  # type: ignore[operator, no-any-return]
         except CiberratoError as error:
             table.fault(f"{key}: {error}")
             return None
@@ -325,12 +330,15 @@ def read_graded_lab(table: Fields, folder: Path) -> GradedLab:
     try:
         if lab is not None:
             read_lab(lab)
-        if grid is not None:
-            read_grid(grid)
-        _, warnings = parse_parameters_with_warnings(parameters_document(parameters, settings), "set")
+        places = len((default_grid() if grid is None else read_grid(grid)).positions)
+        if position > places:
+            table.fault(f"position: the start grid has places 1 to {places}, not {position}")
+        read, warnings = parse_parameters_with_warnings(parameters_document(parameters, settings), "set")
         if settings:
             for warning in warnings:
                 table.fault(warning)
+            if not read.sim_time and not warnings:
+                table.fault("set: SimTime: a run of a course has to end, 0 is without end")
     except CiberratoError as error:
         table.fault(str(error))
     scoring = int(table.number("scoring", 0, least=0, most=7, whole=True) or 0)
@@ -380,7 +388,7 @@ def _limits(table: Fields) -> Limits:
     for key in Limits.__slots__:
         usual = getattr(default, key)
         values[key] = table.number(
-            key, usual, least=1 if isinstance(usual, int) else 0.1, whole=isinstance(usual, int)
+            key, usual, least=1 if isinstance(usual, int) else 0.1, most=MOST, whole=isinstance(usual, int)
         )
     table.end()
     return Limits(**values)  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ from typing import Any
 
 MOST_NAME = 100
 MOST_SEEDS = 10_000
+LARGEST_SEED = 2**63 - 1
 
 
 class Fields:
@@ -150,10 +151,14 @@ class Fields:
         if (
             not isinstance(value, list)
             or not value
-            or not all(isinstance(seed, int) and not isinstance(seed, bool) and seed >= 0 for seed in value)
+            or not all(
+                isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= LARGEST_SEED
+                for seed in value
+            )
         ):
             self.fault(
-                f"{key}: a list of whole numbers from 0, or how many seeds, was expected, not {value!r}"
+                f"{key}: a list of whole numbers from 0 to {LARGEST_SEED}, or how many seeds, "
+                f"1 to {MOST_SEEDS}, was expected, not {value!r}"
             )
             return (1,)
         if len(set(value)) < len(value):

@@ -83,7 +83,7 @@ def write_course(folder: Path) -> list[Path]:
         path = folder / name
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+            path.write_text(text, encoding="utf-8", newline="\n")
         except OSError as error:
             raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
         written.append(path)

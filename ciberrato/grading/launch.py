@@ -14,6 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ciberrato.client.pace import LOCKSTEP_VARIABLE
 from ciberrato.errors import CiberratoError
 from ciberrato.files.lab import read_lab
 from ciberrato.files.parameters import parse_parameters
@@ -279,12 +280,16 @@ class Launcher:
             "{name}": agent.name,
             "{seed}": str(seed),
         }
-        extra = {"CIBERRATO_HOST": host, "CIBERRATO_PORT": str(port), **dict(agent.environment)}
+        extra = {"CIBERRATO_HOST": host, "CIBERRATO_PORT": str(port)}
+        if self._course.lockstep:
+            extra[LOCKSTEP_VARIABLE] = "1"  # no clock is to have a say in what a robot does
+        extra |= dict(agent.environment)
         return {
             "simulator": None,
             "agent": self._inside([_filled(word, values) for word in agent.command], agent, work),
             "environment": self._environment(extra),
             "work": None if self._kind == "bwrap" else str(work),
+            "files": str(work),
             "limits": asdict(self._course.limits),
             "overhead": self._overhead,
         }

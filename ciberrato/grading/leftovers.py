@@ -9,6 +9,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from ciberrato.system.locks import is_anothers, lock
+
 PREFIX = "ciberrato-grade-"
 _LOCK = "in-use"
 
@@ -27,7 +29,7 @@ def temporary_folder() -> Iterator[Path]:
     """
     remove_leftovers()
     with tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True) as name:
-        held = _lock(Path(name) / f".{_LOCK}")
+        held = lock(Path(name) / f".{_LOCK}")
         if held is not None:
             # Only now, locked, it has the name that others look for.
             os.replace(Path(name) / f".{_LOCK}", Path(name) / _LOCK)
@@ -51,26 +53,11 @@ def remove_leftovers() -> list[Path]:
         with contextlib.suppress(OSError):
             if folder.is_symlink() or not (folder / _LOCK).is_file():
                 continue
-            if hasattr(os, "getuid") and folder.lstat().st_uid != os.getuid():
+            if is_anothers(folder):
                 continue
-            held = _lock(folder / _LOCK)
+            held = lock(folder / _LOCK)
             if held is not None:
                 shutil.rmtree(folder, ignore_errors=True)
                 os.close(held)
                 removed.append(folder)
     return removed
-
-
-def _lock(path: Path) -> int | None:
-    """Lock a file for this process, or return None: another has it, or the system knows no such locks."""
-    try:
-        import fcntl
-    except ImportError:
-        return None
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None
-    return descriptor

@@ -13,7 +13,6 @@ import hashlib
 import os
 import re
 import shutil
-import signal
 import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
@@ -23,6 +22,9 @@ from ciberrato.errors import UsageError
 from ciberrato.grading.cache import cache_folder
 from ciberrato.grading.course import Agent, Course
 from ciberrato.grading.workspace import MOST_BYTES, MOST_FILES
+from ciberrato.system.descendants import end_session
+from ciberrato.system.limits import file_size_limiter
+from ciberrato.system.process import apart
 
 PATIENCE = 120.0
 """Seconds for fetching a repository."""
@@ -171,13 +173,6 @@ def _environment(extra: dict[str, str]) -> dict[str, str]:
     return {**kept, **_QUIET, **extra}
 
 
-def _limit_files() -> None:
-    """Hold what git writes to a size: what is packed small may be large."""
-    import resource
-
-    resource.setrlimit(resource.RLIMIT_FSIZE, (2 * MOST_BYTES, 2 * MOST_BYTES))
-
-
 def _git(words: Sequence[str], extra: dict[str, str], what: str = "git") -> str:
     """Run git; whatever is wrong is one line."""
     process = subprocess.Popen(
@@ -186,14 +181,13 @@ def _git(words: Sequence[str], extra: dict[str, str], what: str = "git") -> str:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env=_environment(extra),
-        start_new_session=True,  # no terminal to ask on, and all of it can be ended at once
-        preexec_fn=_limit_files if os.name == "posix" else None,
+        **apart(),  # no terminal to ask on
+        **file_size_limiter(2 * MOST_BYTES),  # what is packed small may be large
     )
     try:
         output, complaint = process.communicate(timeout=PATIENCE)
     except BaseException as error:
-        with contextlib.suppress(OSError):
-            os.killpg(process.pid, signal.SIGKILL)
+        end_session(process)
         process.communicate()
         if isinstance(error, subprocess.TimeoutExpired):
             raise UsageError(f"{what}: no end after {PATIENCE:g} s") from None
@@ -202,4 +196,4 @@ def _git(words: Sequence[str], extra: dict[str, str], what: str = "git") -> str:
         lines = [line for line in complaint.decode("utf-8", "replace").splitlines() if line.strip()]
         faults = [line for line in lines if line.startswith(("fatal:", "error:"))]
         raise UsageError(f"{what}: {re.sub(r'^(fatal|error): ', '', [*faults, *lines, 'git failed'][0])}")
-    return output.decode("utf-8", "replace")
+    return str(output.decode("utf-8", "replace"))

@@ -24,6 +24,7 @@ from ciberrato.grading.outcome import Outcome
 from ciberrato.grading.task import Task
 from ciberrato.progress import ProgressBar
 from ciberrato.reprs import short_repr
+from ciberrato.system.locks import hold
 from ciberrato.system.process import processors
 
 T = TypeVar("T")
@@ -163,7 +164,7 @@ def grade(
                 "outcome": asdict(outcome),
                 "measured": measured,
             }
-            file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
+            add_run(file, document)
             bar.step()
 
         def keep(task: Task, future: Future[tuple[Outcome, dict[str, Any]]]) -> None:
@@ -192,14 +193,37 @@ def open_runs(path: Path, recordings: Path) -> BinaryIO:
     Raises
     ------
     UsageError
-        If that cannot be.
+        If that cannot be, or another grading has it open.
     """
     try:
         recordings.mkdir(parents=True, exist_ok=True)
+        file = path.open("ab", buffering=0)
+        if not hold(file):
+            file.close()
+            raise UsageError(
+                f"{path.parent}: another grading is at work there; wait, or name another --output"
+            )
         cut_torn_line(path)
-        return path.open("ab", buffering=0)
     except OSError as error:
         raise UsageError(f"{path.parent}: cannot be written: {error.strerror}") from None
+    return file
+
+
+def add_run(file: BinaryIO, document: dict[str, Any]) -> None:
+    """Add a run to the file, a line of JSON.
+
+    Raises
+    ------
+    UsageError
+        If there is no room for it; a part that was written is a torn line, which the next grading cuts off.
+    """
+    line = json.dumps(document, separators=(",", ":")).encode() + b"\n"
+    try:
+        written = file.write(line)
+    except OSError as error:
+        raise UsageError(f"{file.name}: cannot be written: {error.strerror}") from None
+    if written != len(line):
+        raise UsageError(f"{file.name}: cannot be written: there is no room")
 
 
 def side_by_side(

@@ -14,12 +14,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ciberrato.grading.workspace import size_of
 from ciberrato.system import descendants
-from ciberrato.system.process import runnable
+from ciberrato.system.process import ask_to_end, interruptible, runnable
 from ciberrato.system.streams import streams
 
 SUPERVISOR = "ciberrato.grading.supervisor"
@@ -33,6 +34,9 @@ GRACE = 1.0
 
 TAIL = 4096
 """Bytes of its last output that are kept."""
+
+SECONDS_A_WEIGHING = 0.5
+"""Between looks at how much the agent has written; more where that takes long."""
 
 _MB = 1 << 20
 
@@ -69,7 +73,7 @@ class Run:
         ``environment``, ``work`` (the agent's working folder, or None if the command line sees to it),
         ``result`` (the simulator's result file; ``grace`` in its last run: seconds that the agent may go on
         afterwards), ``tail`` (bytes of its last output that are kept), ``limits``, ``overhead``
-        (processes of the sandbox's own).
+        (processes of the sandbox's own), ``files`` (the agent's working folder as it is seen here).
     """
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
@@ -84,6 +88,8 @@ class Run:
         self._orphaned = False
         self._peak = descendants.Usage(0, 0)
         self._next_look = 0.0
+        self._next_weighing = 0.0
+        self._room: float | None = None
 
     def run(self) -> dict[str, Any]:
         """Do it.
@@ -103,13 +109,7 @@ class Run:
         self._watch(sys.stdin.buffer, self._parent)
         if self._wanted["simulator"] is None:
             return self._run_alone()
-        self._simulator = subprocess.Popen(
-            self._wanted["simulator"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
-        )
+        self._simulator = start_simulator(self._wanted["simulator"])
         self._watch(self._simulator.stdout, self._simulator_output.add)
         if not self._until(lambda: self._said(b"listening on udp"), 60.0):
             text = self._simulator_output.text().strip().rpartition("\n")[2]
@@ -137,6 +137,7 @@ class Run:
     def _start_agent(self) -> str | None:
         """Start the agent; return why it cannot be."""
         limits = self._limits
+        self._is_over_disk()
         try:
             self._agent = subprocess.Popen(
                 runnable(self._wanted["agent"], self._wanted["environment"]),
@@ -219,7 +220,21 @@ class Run:
                     self._stop("process limit")
                 elif used.memory > limits["memory"] * _MB:
                     self._stop("memory limit")
+                elif self._is_over_disk():
+                    self._stop("disk limit")
         return any_news
+
+    def _is_over_disk(self) -> bool:
+        """Weigh the working folder now and then: against its first weight and the limit."""
+        began = time.monotonic()
+        if self._wanted.get("files") is None or began < self._next_weighing:
+            return False
+        size = size_of(Path(self._wanted["files"]))
+        if self._room is None:
+            self._room = size + self._limits["disk"] * _MB
+        end = time.monotonic()
+        self._next_weighing = end + max(SECONDS_A_WEIGHING, 20.0 * (end - began))
+        return size > self._room
 
     # --- ends -----------------------------------------------------------------------------------
 
@@ -235,12 +250,7 @@ class Run:
 
     def _end_everything(self) -> None:
         descendants.end_all(self._agents_processes, child=self._agent)
-        if self._simulator is not None and self._simulator.poll() is None:
-            self._simulator.send_signal(signal.SIGTERM)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._simulator.wait(10.0)
-            self._simulator.kill()
-            self._simulator.wait()
+        end_simulator(self._simulator)
 
     def _document(self, began: float, note: str | None = None) -> dict[str, Any]:
         """Return what came of it, when all has been ended."""
@@ -267,6 +277,28 @@ class Run:
             "output": self._agent_output.count,
             "tail": self._agent_output.text(),
         }
+
+
+def start_simulator(command: Sequence[str]) -> subprocess.Popen[bytes]:
+    """Start the simulator of a run; what it says goes to a pipe."""
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
+        **interruptible(),
+    )
+
+
+def end_simulator(process: subprocess.Popen[bytes] | None) -> None:
+    """End the simulator of a run, which writes what it has, by force if need be."""
+    if process is not None and process.poll() is None:
+        ask_to_end(process)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(10.0)
+        process.kill()
+        process.wait()
 
 
 def last_run(path: str | None) -> dict[str, Any] | None:

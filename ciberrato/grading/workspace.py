@@ -146,3 +146,26 @@ def stage_folder(source: Path, target: Path) -> None:
             (target / path.relative_to(source)).symlink_to(path)
     except (shutil.Error, OSError) as error:
         raise UsageError(f"{source}: cannot be copied: {_first(error)}") from None
+
+
+def size_of(folder: Path) -> int:
+    """Count the bytes that files of a folder take on the disk.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Returns
+    -------
+    int
+        Each file, folder or link counts 512 at least, so that very many empty ones are much, too.
+    """
+    size = 0
+    for place, folders, names in os.walk(folder):
+        for name in (*folders, *names):
+            try:
+                state = os.lstat(os.path.join(place, name))
+            except OSError:
+                continue
+            size += max(512, 512 * getattr(state, "st_blocks", -(-state.st_size // 512)))
+    return size

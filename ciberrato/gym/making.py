@@ -41,19 +41,22 @@ def make_task(name: str, worlds: int, choices: Choices) -> tuple[Scenario, Task]
     UsageError
         There is no such task, or an option cannot be used.
     """
+    if isinstance(worlds, bool) or not isinstance(worlds, int | np.integer) or worlds < 1:
+        raise UsageError(f"num_envs: {worlds!r:.60} is no positive number of environments")
     if name not in TASKS:
         meant = did_you_mean(name, list(TASKS))
         raise UsageError(f"no task {name!r}: there are {', '.join(TASKS)}{meant}")
     unknown = set(choices) - set(Choices.__annotations__)
     if unknown:
         known = ", ".join(Choices.__annotations__)
-        raise UsageError(f"no option {', '.join(sorted(unknown))}: there are {known}")
+        meant = did_you_mean(min(unknown), list(Choices.__annotations__))
+        raise UsageError(f"no option {', '.join(sorted(unknown))}: there are {known}{meant}")
     kind = TASKS[name]
     scenario = Scenario(
         choices.get("labs", kind.labs),
         choices.get("starts", kind.starts),
         choices.get("noise", 1.0),
-        choices.get("parameters") or Parameters(),
+        Parameters() if choices.get("parameters") is None else choices["parameters"],
         choices.get("time_limit", TIME_LIMIT),
     )
     return scenario, kind(scenario, worlds)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +16,7 @@ from ciberrato.files.start_grid import read_grid
 from ciberrato.geometry.walls import WallMap
 from ciberrato.labs import find_grid, find_lab
 from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -45,6 +48,8 @@ class Episode:
         x, y in units and direction in degrees.
     parameters : Parameters
     """
+
+    __repr__ = short_repr
 
     number: int
     lab: Lab
@@ -82,16 +87,24 @@ class Scenario:
         parameters: Parameters,
         time_limit: int,
     ) -> None:
-        listed = [labs] if isinstance(labs, str | Lab) else list(labs)
+        listed = list(labs) if isinstance(labs, Sequence) and not isinstance(labs, str) else [labs]
         if not listed:
             raise UsageError("labs: there must be one at least")
-        if not isinstance(time_limit, int) or time_limit < 1:
-            raise UsageError(f"time_limit: {time_limit!r} is no positive number of cycles")
-        low, high = (noise, noise) if isinstance(noise, int | float) else noise
+        for one in listed:
+            if not isinstance(one, str | os.PathLike | Lab):
+                raise UsageError(f"labs: {one!r:.60} is neither a name, nor a file, nor a Lab")
+        if isinstance(time_limit, bool) or not isinstance(time_limit, int) or time_limit < 1:
+            raise UsageError(f"time_limit: {time_limit!r:.60} is no positive number of cycles")
+        if not isinstance(parameters, Parameters):
+            raise UsageError(f"parameters: {parameters!r:.60} are no Parameters")
+        try:
+            low, high = np.broadcast_to(np.asarray(noise, np.float64), 2).tolist()
+        except (TypeError, ValueError):
+            low = high = math.nan
         if not 0.0 <= low <= high < float("inf"):
-            raise UsageError(f"noise: {noise!r} is neither a factor of at least 0 nor a range of them")
+            raise UsageError(f"noise: {noise!r:.60} is neither a factor of at least 0 nor a range of them")
         self.labs = tuple(one if isinstance(one, Lab) else read_lab(find_lab(one)) for one in listed)
-        self.names = tuple(one.name if isinstance(one, Lab) else one for one in listed)
+        self.names = tuple(one.name if isinstance(one, Lab) else os.fspath(one) for one in listed)
         self.noise = (float(low), float(high))
         # As in a batch, what robots would have to ask for is always there.
         given: dict[str, Any] = dict.fromkeys(_REQUESTABLE, False)
@@ -164,9 +177,13 @@ def scaled(parameters: Parameters, factor: float) -> Parameters:
 
 def _places(name: str | Lab, lab: Lab, starts: str | Sequence[Start]) -> list[Start] | None:
     """List the starts in a lab; None for anywhere."""
-    if starts == FREE:
+    if not isinstance(starts, str):
+        if not isinstance(starts, Sequence | np.ndarray):
+            raise UsageError(f"starts: {starts!r:.60} is none of {', '.join(STARTS)}, nor are they poses")
+        found = [_start(start) for start in starts]
+    elif starts == FREE:
         return None
-    if starts == GRID:
+    elif starts == GRID:
         if isinstance(name, Lab):
             raise UsageError(f"lab {lab.name!r} has no start grid: name starts, or 'free'")
         found = [(place.x, place.y, place.direction) for place in read_grid(find_grid(name)).positions]
@@ -178,18 +195,19 @@ def _places(name: str | Lab, lab: Lab, starts: str | Sequence[Start]) -> list[St
             for column in range(lab.columns)
         ]
         found = [(x, y, 0.0) for x, y in centres if control.find_circuit(x, y)]
-    elif isinstance(starts, str):
-        raise UsageError(f"starts: {starts!r} is none of {', '.join(STARTS)}, nor are they poses")
     else:
-        found = [_start(start) for start in starts]
+        raise UsageError(f"starts: {starts!r:.60} is none of {', '.join(STARTS)}, nor are they poses")
     if not found:
         raise UsageError(f"lab {lab.name!r}: there is no start of the kind {starts!r}")
     return found
 
 
 def _start(values: Any) -> Start:
-    numbers = np.asarray(values, np.float64)
+    try:
+        numbers = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
-        raise UsageError(f"start: {values!r} is not x, y in units and a direction in degrees")
+        raise UsageError(f"start: {values!r:.60} is not x, y in units and a direction in degrees")
     x, y, direction = numbers.tolist()
     return (x, y, direction)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ciberrato.arrays import Booleans, Floats, Integers
+from ciberrato.reprs import short_repr
 
 if TYPE_CHECKING:
     from ciberrato.protocol import Measures
@@ -43,6 +44,8 @@ class Signals:
     poses : array, shape (n, 3)
         True x, y in units and heading in radians.
     """
+
+    __repr__ = short_repr
 
     time: Integers
     infrared: Floats

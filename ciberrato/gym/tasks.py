@@ -19,6 +19,7 @@ from ciberrato.errors import UsageError
 from ciberrato.gym.scenario import Episode, Scenario
 from ciberrato.gym.signals import END, RETURNING, VISITING, Signals
 from ciberrato.infrared.model import SATURATION
+from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -50,6 +51,9 @@ class Column(NamedTuple):
     low: float
     high: float
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class Outcome(NamedTuple):
     """What a cycle brought; arrays of shape (n,).
@@ -63,6 +67,9 @@ class Outcome(NamedTuple):
     reward: Floats
     terminated: Booleans
     success: Booleans
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class Task:
@@ -198,7 +205,7 @@ class Navigate(Task):
         visited = signals.visited
         assert visited is not None
         seen[:, 7] = signals.ground
-        seen[:, 8] = 1.0 - visited.mean(axis=1) if self.targets else 0.0
+        seen[:, 8] = 1.0 - np.add.reduce(visited, axis=1) / self.targets if self.targets else 0.0
         return seen
 
 

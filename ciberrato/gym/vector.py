@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from ciberrato.arrays import Booleans, Floats, Integers
+from ciberrato.errors import UsageError
 from ciberrato.gym.making import (
     FRAMES_PER_SECOND,
     Choices,
@@ -26,6 +27,7 @@ from ciberrato.gym.picture import Picture
 from ciberrato.gym.scenario import Episode
 from ciberrato.gym.signals import Signals, of_batch
 from simulator_stub.batch import BatchSimulation
+from simulator_stub.batch.arguments import threads_of
 
 Observations = NDArray[np.float32]
 Step = tuple[Observations, Floats, Booleans, Booleans, dict[str, Any]]
@@ -87,7 +89,9 @@ class CiberRatoVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[An
         self.action_space = batch_space(self.single_action_space, num_envs)
         has_numba = importlib.util.find_spec("numba") is not None
         self._compiled = has_numba if compiled is None else compiled
-        self._threads = threads
+        if self._compiled and not has_numba:
+            raise UsageError("compiled=True needs numba: pip install 'ciberrato[fast]'")
+        self._threads = threads_of(threads)
         self._generators: list[np.random.Generator] | None = None
         self._seeds: list[int] = []
         self._batch: BatchSimulation | None = None

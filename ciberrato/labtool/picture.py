@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from agent.views.figures.canvas import draw_walls, new_figure, save_figure, set_lab_axes
+from agent.views.figures.canvas import save_figure
+from ciberrato import plot
 from ciberrato.checks.files import Checked
 from ciberrato.errors import UsageError
 from ciberrato.files.lab import LabFile
 from ciberrato.files.start_grid import GridFile
-from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.plot.canvas import new_figure
 from ciberrato.world.lab import Lab
 from ciberrato.world.start_grid import StartGrid
 
@@ -38,8 +38,7 @@ def draw_lab(lab: Lab, path: Path, grid: StartGrid | None = None) -> None:
         If the figure cannot be written.
     """
     figure, axis = _figure(lab, 0.0)
-    _draw_things(axis, lab, grid)
-    axis.set_title(f"{lab.name}: {lab.width:g} x {lab.height:g} units", fontsize=10)
+    plot.lab(lab, axis, grid=grid, legend=True)
     save_figure(figure, path)
 
 
@@ -68,7 +67,7 @@ def draw_checked(checked: Sequence[Checked], path: Path) -> None:
         lines.append(f"... and {len(findings) - _MOST_LINES} more")
     figure, axis = _figure(lab, 0.2 * len(lines))
     positions = tuple(position for grid in grids for position in grid.positions)
-    _draw_things(axis, lab, StartGrid(positions=positions) if positions else None)
+    plot.lab(lab, axis, grid=StartGrid(positions=positions) if positions else None)
     for number, finding in enumerate(findings, 1):
         if finding.place is None:
             continue
@@ -104,34 +103,6 @@ def _line(number: int, text: str) -> str:
     return text.replace("$", r"\$") if len(text) <= _LONGEST else text[:_LONGEST].replace("$", r"\$") + "…"
 
 
-def _draw_things(axis: Any, lab: Lab, grid: StartGrid | None) -> None:
-    from matplotlib.patches import Circle
-
-    draw_walls(axis, lab, colour="0.4")
-    for number, target in enumerate(lab.targets):
-        axis.add_patch(
-            Circle((target.x, target.y), target.radius, facecolor="#d5ebf7", edgecolor="#56B4E9", zorder=1)
-        )
-        axis.annotate(
-            f"T{number}", (target.x, target.y - 0.45), ha="center", va="center", fontsize=7, zorder=5
-        )
-    for number, beacon in enumerate(lab.beacons):
-        axis.plot([beacon.x], [beacon.y], "*", color="#D55E00", markersize=9, zorder=4)
-        axis.annotate(
-            f"B{number}", (beacon.x, beacon.y + 0.5), ha="center", va="center", fontsize=7, zorder=5
-        )
-    for number, position in enumerate(() if grid is None else grid.positions, 1):
-        heading = math.radians(position.direction)
-        place = (position.x, position.y)
-        axis.add_patch(Circle(place, ROBOT_RADIUS, facecolor="none", edgecolor="#009E73", lw=1.2, zorder=6))
-        nose = [place[0] + ROBOT_RADIUS * math.cos(heading), place[1] + ROBOT_RADIUS * math.sin(heading)]
-        axis.plot([place[0], nose[0]], [place[1], nose[1]], color="#009E73", lw=1.2, zorder=6)
-        axis.annotate(str(number), place, ha="center", va="center", fontsize=7, color="#009E73", zorder=7)
-    set_lab_axes(axis, lab.width, lab.height)
-    axis.set_xlabel("x in units", fontsize=8)
-    axis.set_ylabel("y in units", fontsize=8)
-
-
 def draw_track(lab: Lab, path: Path, poses: Sequence[tuple[float, float]], title: str) -> None:
     """Draw a lab and the way that a robot has gone through it, from blue to yellow.
 
@@ -152,7 +123,7 @@ def draw_track(lab: Lab, path: Path, poses: Sequence[tuple[float, float]], title
     from matplotlib.collections import LineCollection
 
     figure, axis = _figure(lab, 0.0)
-    _draw_things(axis, lab, None)
+    plot.lab(lab, axis)
     pairs = list(pairwise(poses))
     track = LineCollection(pairs, array=range(len(pairs)), cmap="viridis", linewidths=2.0, zorder=6)
     axis.add_collection(track)

@@ -14,7 +14,11 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+
+from ciberrato.arrays import Floats
 from ciberrato.errors import UsageError
+from ciberrato.geometry.angles import short_turns
 from ciberrato.localization.arguments import check_arguments, check_seconds
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.evidence.start_prior import ANYWHERE, StartPrior, check_start, parse_start
@@ -23,7 +27,7 @@ from ciberrato.localization.records import FilterSettings
 from ciberrato.localization.tables.worker import TableWorker
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
-from ciberrato.reprs import short_repr
+from ciberrato.reprs import html_repr, short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 
@@ -60,6 +64,7 @@ class Estimate:
     """
 
     __repr__ = short_repr
+    _repr_html_ = html_repr
 
     time: int | None
     x: float
@@ -114,6 +119,8 @@ class PoseFilter:
     >>> with PoseFilter(read_lab(find_lab("maze")), parameters) as localizer:  # doctest: +SKIP
     ...     estimate = localizer.observe(measures, command)
     """
+
+    _repr_html_ = html_repr
 
     def __init__(
         self,
@@ -301,6 +308,26 @@ class PoseFilter:
             entropy=grid.belief.entropy_bits(),
             behind=self.live.lag,
         )
+
+    def states(self) -> tuple[Floats, Floats]:
+        """Return the belief as weighted poses: the lattice's states that are possible yet.
+
+        Messages that wait to be weighed are not in it, nor is the refinement of a known pose by particles.
+
+        Returns
+        -------
+        poses : ndarray, shape (n, 3)
+            x, y in units, heading in radians; none until the coarse tables are there.
+        weights : ndarray, shape (n,)
+            Their probabilities; they sum to 1.
+        """
+        if self.live.filter is None:
+            return np.empty((0, 3)), np.empty(0)
+        belief = self.live.filter.belief
+        bins, squares, weights = belief.listed()
+        x, y = belief.places(bins, squares)
+        masses = np.asarray(weights, np.float64)
+        return np.column_stack((x, y, short_turns(belief.headings()[bins]))), masses / masses.sum()
 
     def reset(self) -> None:
         """Forget all messages, and begin anew with the same lab, parameters and start."""

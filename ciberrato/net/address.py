@@ -83,5 +83,5 @@ def resolve(host: str, port: int) -> tuple[str, int]:
 
 
 def answers_for(sender: str, asked: str) -> bool:
-    """Tell whether a sender may answer for the address that was asked: 127.0.0.1 does for all of 127/8."""
+    """Return whether a sender may answer for an address: 127.0.0.1 does for all of 127/8."""
     return sender == asked or (sender == "127.0.0.1" and asked.startswith("127."))

@@ -130,7 +130,7 @@ class UdpLink:
             return sender == self._peer
         if sender in self._former or not answers_for(sender[0], self._main[0]):
             return False
-        # A refusal may be anybody's: whoever accepts after it is heard.
+        # A refusal may come from any program: an acceptance after it counts.
         if not _is_refusal(data):
             self._peer = sender
         return True

@@ -78,6 +78,8 @@ class ViewRegistration:
         What lets it in where the simulator wants one; the real one, which has no such thing, ignores it.
     """
 
+    __repr__ = short_repr
+
     token: str | None = None
 
 
@@ -90,6 +92,8 @@ class PanelRegistration:
     token : str or None
         As in `ViewRegistration`.
     """
+
+    __repr__ = short_repr
 
     token: str | None = None
 

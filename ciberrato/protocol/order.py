@@ -45,7 +45,7 @@ class MessageOrder:
         self._held: int | None = None
 
     def judge(self, measures: Measures) -> News:
-        """Tell what a message is, and take note of it if it is fresh."""
+        """Return what a message is, and note it if it is fresh."""
         held = self._held
         news = self._judge(measures)
         if news is News.FRESH:

@@ -227,6 +227,15 @@ def end_all(
     return True
 
 
+def end_session(child: subprocess.Popen[bytes]) -> None:
+    """Kill a child that was started `ciberrato.system.process.apart`, and what it has started."""
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(OSError):
+            os.killpg(child.pid, signal.SIGKILL)
+    else:
+        _end_tree(child, 10.0)
+
+
 def _end_tree(child: subprocess.Popen[bytes], seconds: float) -> bool:
     """End a child with all below it whose parents still run."""
     if child.poll() is None and (tool := shutil.which("taskkill")) is not None:

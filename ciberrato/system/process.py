@@ -33,6 +33,20 @@ def interrupt(child: subprocess.Popen[Any]) -> None:
     child.send_signal(getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT))
 
 
+def ask_to_end(child: subprocess.Popen[Any]) -> None:
+    """Ask a child to end and write what it has: SIGTERM; on Windows, where that kills, `interrupt`.
+
+    There it has to be a child that is `interruptible` or `apart`, and is killed if there is no console.
+    """
+    if _OWN_GROUP is None:
+        child.terminate()
+        return
+    try:
+        interrupt(child)
+    except OSError:
+        child.kill()
+
+
 def processors() -> int:
     """Return how many processors this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -41,7 +55,7 @@ def processors() -> int:
 
 
 def give_way() -> None:
-    """Let whoever waits for this processor have it for once."""
+    """Yield the processor to a process that waits for it."""
     if hasattr(os, "sched_yield"):
         os.sched_yield()
     else:
@@ -107,14 +121,19 @@ def take_any_character(stream: object) -> None:
         stream.reconfigure(errors="backslashreplace")
 
 
-def output_has_gone(error: OSError) -> bool:
-    """Tell whether what read our standard output has ended; if so, what is still buffered is thrown away.
-
-    Writing fails then, on Windows by "invalid argument"; what is buffered must not complain at exit.
-    """
-    gone = isinstance(error, BrokenPipeError) or (
+def reader_has_gone(error: OSError) -> bool:
+    """Return whether writing failed as the reader of a pipe has ended: "invalid argument" on Windows."""
+    return isinstance(error, BrokenPipeError) or (
         _OWN_GROUP is not None and error.errno == errno.EINVAL and error.filename is None
     )
+
+
+def output_has_gone(error: OSError) -> bool:
+    """Return whether the reader of standard output has ended; what is still buffered is then dropped.
+
+    What is buffered must not complain at exit.
+    """
+    gone = reader_has_gone(error)
     if gone:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return gone

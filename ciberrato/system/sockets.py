@@ -137,7 +137,7 @@ def receive_stamped(sock: socket.socket) -> tuple[bytes, tuple[str, int], float 
 
 
 def has_address(address: str) -> bool:
-    """Tell whether an IPv4 address is this machine's: macOS has 127.0.0.1 only of all that begin with 127."""
+    """Return whether an IPv4 address is this machine's: of 127.x macOS has 127.0.0.1 only."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         try:
             sock.bind((address, 0))

@@ -61,7 +61,9 @@ def keep(runs: Sequence[AgentRun | RunningSimulator], folder: Path, *, test: str
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    (folder.parent / ".gitignore").write_text("*\n", encoding="utf-8")  # it is not for the repository
+    (folder.parent / ".gitignore").write_text(
+        "*\n", encoding="utf-8", newline="\n"
+    )  # it is not for the repository
     lines: list[str] = []
     for number, run in enumerate(runs[:_MOST_KEPT], 1):
         place = folder / f"run-{number}"

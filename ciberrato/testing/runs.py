@@ -19,6 +19,7 @@ from ciberrato.grading.launch import MEASURED, Launcher
 from ciberrato.grading.outcome import Outcome, exit_words, judge
 from ciberrato.grading.task import Task
 from ciberrato.grading.workspace import stage_folder
+from ciberrato.reprs import cut
 
 if TYPE_CHECKING:
     from ciberrato.testing.truth import Truth
@@ -94,12 +95,12 @@ class AgentRun:
 
     @property
     def finished(self) -> bool:
-        """Whether the robot has said that it is done, by EndLed."""
+        """Return whether the robot has switched its End LED on."""
         return self.status == "finished"
 
     @property
     def arrived(self) -> bool:
-        """Whether the robot has visited all targets."""
+        """Return whether the robot has visited all targets."""
         return self.targets > 0 and self.visited == self.targets
 
     @property
@@ -123,7 +124,7 @@ class AgentRun:
 
     def __repr__(self) -> str:
         detail = f" ({self.detail})" if self.detail else ""
-        return (
+        return cut(
             f"<run in {self.lab}, seed {self.seed}: {self.status}{detail}, score {self.score}, "
             f"{self.collisions} collisions, {self.time} cycles>"
         )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.grading.course import GradedLab, parameters_document
 from ciberrato.processes import module_command
+from ciberrato.system.process import apart, ask_to_end
 from ciberrato.testing.runs import result_of
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class RunningSimulator:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=messages,
-                start_new_session=True,  # a Ctrl-C is for the tests
+                **apart(),  # a Ctrl-C is for the tests
             )
         self.port = self._await_port()
         self.address = f"{self.host}:{self.port}"
@@ -173,7 +174,7 @@ class RunningSimulator:
     def stop(self) -> None:
         """End it now; its files are complete then. Stopping twice does no harm."""
         if self._process.poll() is None:
-            self._process.terminate()
+            ask_to_end(self._process)
             try:
                 self._process.wait(10.0)
             except subprocess.TimeoutExpired:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ciberrato.reprs import short_repr
+from ciberrato.reprs import html_repr, short_repr
 from ciberrato.world.coordinates import Point
 from ciberrato.world.fields import check_number, check_text, make_points, make_tuple
 
@@ -95,6 +95,8 @@ class Lab:
     beacons, targets, walls : tuple
         In the order of the file.
     """
+
+    _repr_html_ = html_repr
 
     name: str = "NO NAMED LAB"
     width: float = 16.0

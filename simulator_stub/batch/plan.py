@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -84,7 +83,7 @@ class BatchPlan:
         shared: Parameters,
         *,
         worlds: int,
-        sensor_angles: tuple[float, float, float, float],
+        angles: Floats,
         line_sensor: bool,
     ) -> BatchPlan:
         """Work out the rest; a lab may be named any number of times."""
@@ -92,7 +91,7 @@ class BatchPlan:
         return cls(
             labs=tuple(LabPlan.build(lab) for lab in distinct),
             worlds=worlds,
-            angles=np.array([angle / 180.0 * math.pi for angle in sensor_angles]),
+            angles=angles,
             line_sensor=line_sensor,
             shared=shared,
             beacons=max(len(lab.beacons) for lab in distinct) if shared.beacon_sensor else 0,

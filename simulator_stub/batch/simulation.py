@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,11 +10,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.arrays import Booleans, Floats, Integers
+from ciberrato.errors import UsageError
 from ciberrato.protocol import DEFAULT_SENSOR_ANGLES
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from simulator_stub.batch import arrays, scalar
-from simulator_stub.batch.arguments import for_each, led_states, motor_powers, numbers_of_worlds, poses_of
+from simulator_stub.batch.arguments import (
+    angles_of,
+    for_each,
+    led_states,
+    motor_powers,
+    numbers_of_worlds,
+    poses_of,
+    seeds_of,
+    things_of,
+    threads_of,
+)
 from simulator_stub.batch.other_sensors import beacons, gps
 from simulator_stub.batch.plan import SENSORS, BatchPlan, LabPlan
 from simulator_stub.batch.readings import BatchReadings
@@ -23,6 +33,7 @@ from simulator_stub.batch.scores import BatchScores, CircuitScores, TargetScores
 from simulator_stub.batch.state import BatchState
 from simulator_stub.batch.streams import BatchNoise
 from simulator_stub.sensors.line import SIDEWAYS
+from simulator_stub.world.noise import NoiseRoot
 
 FEW = 32
 """Worlds below which they are stepped one by one, if not in machine code."""
@@ -35,6 +46,7 @@ Group = tuple[LabPlan, Integers]
 class BatchSnapshot:
     """A moment of a batch, to go back to; made by `BatchSimulation.snapshot`."""
 
+    owner: BatchPlan
     state: BatchState
     scores: BatchScores | None
     noise: BatchNoise
@@ -79,10 +91,12 @@ class BatchSimulation:
 
     Raises
     ------
+    TypeError
+        Something is of another kind: a name instead of a `Lab`, words instead of numbers.
     ValueError
-        Shapes do not fit, a start is not finite, parameters do not go together, or the scoring mode is
-        neither 0 nor 1.
-    ImportError
+        Shapes do not fit, a start is not finite or far away, parameters do not go together, the scoring mode
+        is neither 0 nor 1, a seed is below 0, or there is to be less than one thread.
+    UsageError
         numba is asked for and not installed.
 
     Examples
@@ -108,29 +122,31 @@ class BatchSimulation:
         threads: int | None = None,
         labs_to_come: Sequence[Lab] = (),
     ) -> None:
-        worlds = len(seeds)
+        roots = seeds_of(seeds)
+        worlds = len(roots)
+        poses_of(starts, worlds)
         labs = for_each(lab, Lab, worlds, "labs")
-        rules = for_each(parameters or Parameters(), Parameters, worlds, "parameters")
-        if scoring is not None and scoring not in _SCORES:
-            raise ValueError(f"a batch counts scores of modes 0 and 1 only, not of {scoring}")
+        rules = for_each(Parameters() if parameters is None else parameters, Parameters, worlds, "parameters")
+        if scoring is not None and scoring not in tuple(_SCORES):
+            raise ValueError(f"a batch counts scores of modes 0 and 1 only, not of {scoring!r:.60}")
         self._plan = BatchPlan.build(
-            [*labs, *labs_to_come],
+            [*labs, *things_of(labs_to_come, Lab, "labs_to_come")],
             rules[0] if rules else Parameters(),
             worlds=worlds,
-            sensor_angles=sensor_angles,
+            angles=angles_of(sensor_angles),
             line_sensor=line_sensor,
         )
         self._kernels: Any = scalar if worlds < FEW else arrays
+        if not isinstance(compiled, bool):
+            raise TypeError(f"compiled: {compiled!r:.60} is neither True nor False")
         if compiled:
-            from simulator_stub.batch.compiled import CompiledKernels
-
-            self._kernels = CompiledKernels(threads or os.cpu_count() or 1)
+            self._kernels = _compiled_kernels(threads_of(threads))
         self._state = BatchState.empty(self._plan)
         self._scores = None if scoring is None else _SCORES[scoring](self._plan)
         self._noise = BatchNoise(self._plan)
         self._everything = np.arange(worlds)
         self.readings = BatchReadings.empty(self._plan, scored=scoring is not None)
-        self.reset(seeds=seeds, starts=starts, labs=labs, parameters=rules)
+        self._reset(self._everything, roots, starts, labs, rules)
 
     @property
     def worlds(self) -> int:
@@ -201,14 +217,25 @@ class BatchSimulation:
 
         Raises
         ------
+        TypeError
+            Something is of another kind.
         ValueError
-            Shapes do not fit, a start is not finite, a lab is not known, parameters do not go together, or
-            there is no such world. Nothing is changed then.
+            Shapes do not fit, a start is not finite or far away, a lab is not known, parameters do not go
+            together, or there is no such world. Nothing is changed then.
         """
         which = self._everything if worlds is None else numbers_of_worlds(worlds, self.worlds)
+        self._reset(which, None if seeds is None else seeds_of(seeds, which.size), starts, labs, parameters)
+        return self.readings
+
+    def _reset(
+        self,
+        which: Integers,
+        roots: Sequence[NoiseRoot] | None,
+        starts: ArrayLike | None,
+        labs: Lab | Sequence[Lab] | None,
+        parameters: Parameters | Sequence[Parameters] | None,
+    ) -> None:
         count = which.size
-        if seeds is not None and len(seeds) != count:
-            raise ValueError(f"there must be {count} seeds, one for each world: {len(seeds)}")
         poses = self._state.start[which] if starts is None else poses_of(starts, count)
         chosen = (
             None
@@ -223,15 +250,12 @@ class BatchSimulation:
                 self._state.lab[which] = chosen
             if rules is not None:
                 self._state.set_rules(which, rules)
-            self._begin(which, poses, seeds)
-        return self.readings
+            self._begin(which, poses, roots)
 
-    def _begin(
-        self, which: Integers, poses: Floats, seeds: Sequence[int | np.random.Generator] | None
-    ) -> None:
+    def _begin(self, which: Integers, poses: Floats, roots: Sequence[NoiseRoot] | None) -> None:
         state = self._state
         state.begin(which, poses)
-        self._noise.renew(which.tolist(), seeds, state)
+        self._noise.renew(which.tolist(), roots, state)
         if self._scores is not None:
             self._scores.begin(self._plan, state, which)
         # A run begins with two cycles in which time stands still: see `Simulation.launch`.
@@ -341,6 +365,7 @@ class BatchSimulation:
     def snapshot(self) -> BatchSnapshot:
         """Take down everything, random numbers to come included; cheap."""
         return BatchSnapshot(
+            self._plan,
             self._state.copy(),
             None if self._scores is None else self._scores.copy(),
             self._noise.copy(),
@@ -353,8 +378,23 @@ class BatchSimulation:
         Parameters
         ----------
         snapshot : BatchSnapshot
+
+        Raises
+        ------
+        ValueError
+            It is of another batch.
         """
+        if getattr(snapshot, "owner", None) is not self._plan:
+            raise ValueError("this is no snapshot of this batch")
         self._state = snapshot.state.copy()
         self._scores = None if snapshot.scores is None else snapshot.scores.copy()
         self._noise = snapshot.noise.copy()
         self.readings = snapshot.readings
+
+
+def _compiled_kernels(threads: int) -> Any:
+    try:
+        from simulator_stub.batch.compiled import CompiledKernels
+    except ImportError:
+        raise UsageError("compiled=True needs numba: pip install 'ciberrato[fast]'") from None
+    return CompiledKernels(threads)

@@ -50,7 +50,7 @@ class BatchNoise:
     def renew(
         self,
         worlds: list[int],
-        seeds: Sequence[int | np.random.Generator] | None,
+        given: Sequence[NoiseRoot] | None,
         state: BatchState,
     ) -> None:
         """Let worlds begin anew, with new seeds or with fresh numbers of those that they have.
@@ -58,17 +58,13 @@ class BatchNoise:
         Parameters
         ----------
         worlds : list of int
-        seeds : sequence of int or Generator, or None
+        given : sequence of NoiseRoot, or None
             One for each of these.
         state : BatchState
             Its deviations and labs say what is drawn; GPS offsets are set.
         """
         for place, world in enumerate(worlds):
-            self._roots[world] = (
-                self._roots[world].next_world()
-                if seeds is None
-                else NoiseRoot.from_generator(np.random.default_rng(seeds[place]))
-            )
+            self._roots[world] = self._roots[world].next_world() if given is None else given[place]
         roots = [self._roots[world] for world in worlds]
         for use, count, normal in self._plan.uses():
             counts = self._counts_of_worlds(use, state)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ciberrato.plugins import load_part
+from ciberrato.plugins import guarded, load_part
 from simulator_stub.scoring.base import Scoring
 
 GROUP = "ciberrato.scoring"
+_CALLED = ("__init__", "begin", "update", "may_return")
 
 
 def find_scoring(scoring: int | str | type[Scoring], modes: Mapping[int, type[Scoring]]) -> type[Scoring]:
@@ -23,6 +24,7 @@ def find_scoring(scoring: int | str | type[Scoring], modes: Mapping[int, type[Sc
     Returns
     -------
     type
+        Of one that is named, what its methods raise is a `UsageError` of one line.
 
     Raises
     ------
@@ -32,10 +34,10 @@ def find_scoring(scoring: int | str | type[Scoring], modes: Mapping[int, type[Sc
         If it is neither.
     """
     if isinstance(scoring, str):
-        found: type[Scoring] = load_part(
+        label, kind = load_part(
             GROUP, scoring, fits=_is_scoring, wanted="a class derived from simulator_stub.scoring.Scoring"
-        ).value
-        return found
+        )
+        return guarded(kind, label, _CALLED)
     if _is_scoring(scoring):
         return scoring  # type: ignore[return-value]
     if isinstance(scoring, int) and not isinstance(scoring, bool) and scoring in modes:

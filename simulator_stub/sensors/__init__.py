@@ -11,10 +11,10 @@ from simulator_stub.sensors.ground import GroundSensor
 from simulator_stub.sensors.hearing import Hearing
 from simulator_stub.sensors.infrared import InfraredSensors
 from simulator_stub.sensors.line import LineSensor
-from simulator_stub.sensors.own import own_sensors, report_other
+from simulator_stub.sensors.own import fill_in, own_sensors, report_other
 from simulator_stub.sensors.score import ScoreSensor
 
-__all__ = ["SENSORS", "Delay", "Scene", "Sensor", "own_sensors", "report_other"]
+__all__ = ["SENSORS", "Delay", "Scene", "Sensor", "fill_in", "own_sensors", "report_other"]
 
 SENSORS: tuple[type[Sensor], ...] = (
     CollisionSensor,

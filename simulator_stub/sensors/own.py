@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ciberrato.plugins import load_part
+from ciberrato.errors import UsageError
+from ciberrato.plugins import guarded, load_part
 from ciberrato.protocol import OtherReading
 from ciberrato.protocol.text import general
 from simulator_stub.sensors.base import Sensor
 
 GROUP = "ciberrato.sensors"
+_CALLED = ("__init__", "is_present", "request_names", "update", "report", "record")
 
 
 def own_sensors(wanted: Iterable[type[Sensor] | str], taken: Iterable[str]) -> tuple[type[Sensor], ...]:
@@ -26,6 +28,7 @@ def own_sensors(wanted: Iterable[type[Sensor] | str], taken: Iterable[str]) -> t
     Returns
     -------
     tuple of type
+        Of those that are named, what their methods raise is a `UsageError` of one line.
 
     Raises
     ------
@@ -55,7 +58,7 @@ def own_sensors(wanted: Iterable[type[Sensor] | str], taken: Iterable[str]) -> t
         if name in names:
             raise ValueError(f"{label}: the name {name!r} is taken by another sensor")
         names.add(name)
-        found.append(kind)
+        found.append(guarded(kind, label, _CALLED) if isinstance(item, str) else kind)
     return tuple(found)
 
 
@@ -73,6 +76,17 @@ def report_other(fields: dict[str, Any], element: str, **values: float | str) ->
     """
     texts = tuple((key, value if isinstance(value, str) else general(value)) for key, value in values.items())
     fields["others"] = (*fields.get("others", ()), OtherReading(name=element, values=texts))
+
+
+def fill_in(draft: object, fields: Mapping[str, Any]) -> None:
+    """Set the fields of a message to what the sensors reported; UsageError if there is none of a name."""
+    for name, reading in fields.items():
+        if not hasattr(draft, name):
+            raise UsageError(
+                f"a sensor reports {name!r:.60}, which is no field of Measures: "
+                "simulator_stub.sensors.report_other adds elements of its own"
+            )
+        setattr(draft, name, reading)
 
 
 def _is_sensor(value: Any) -> bool:

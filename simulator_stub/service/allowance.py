@@ -28,11 +28,34 @@ MESSAGES = 100
 VIEW_MESSAGES = 20
 """The same, of a view."""
 
+MAIN_RATE = 100_000
+"""Datagrams a second that are read at the main port, about as many as a program sends that does nothing else.
+
+A flood keeps the system's buffer full, and what comes while it is full is lost: a registration is heard with
+the probability that there is room, which is the share of the flood that is read. Each costs 2 microseconds if
+it is no registration, so that a flood takes at most a fifth of a core.
+"""
+
 MAIN_DATAGRAMS = 1000
-"""Datagrams at the main port; each costs a few microseconds if it is no registration."""
+"""Datagrams at the main port at the least, however short the time between renewals is."""
+
+REGISTRATION_COST = 20
+"""Datagrams that one counts for that may be a registration: reading it takes so much longer."""
 
 CONNECTIONS = 64
 """New connections."""
+
+DROPPED = (
+    "robot_messages",
+    "view_messages",
+    "requests",
+    "junk",
+    "registrations",
+    "main_port",
+    "connections",
+    "views",
+)
+"""What may be dropped, by the names in the result file."""
 
 SHORTEST_TICK = 0.005
 """Seconds at the least between renewals by the clock."""
@@ -56,6 +79,8 @@ class Meter:
         How often allowances of either kind have been renewed.
     now : float
         When the meter was last advanced.
+    tick_seconds : float
+        Seconds at the least from one renewal by the clock to the next.
     """
 
     def __init__(
@@ -64,8 +89,8 @@ class Meter:
         self.dropped = dropped
         self.cycles = self.ticks = 0
         self.now = clock()
-        self._period = max(period, SHORTEST_TICK)
-        self._due = self.now + self._period
+        self.tick_seconds = max(period, SHORTEST_TICK)
+        self._due = self.now + self.tick_seconds
         self._clock = clock
         self._waiting: list[tuple[Allowance, Callable[[], None]]] = []
 
@@ -75,7 +100,7 @@ class Meter:
         self.now = self._clock()
         ticked = self.now >= self._due
         if ticked:
-            self._due = self.now + self._period
+            self._due = self.now + self.tick_seconds
             self.ticks += 1
         if self._waiting:
             waiting, self._waiting = self._waiting, []

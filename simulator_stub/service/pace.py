@@ -20,14 +20,15 @@ Measures.
 - What comes while a cycle is computed does not answer its Measures.
 - While the simulator does not run (before Start, in a pause, after the end) cycles are also at least
   CycleTime / speed apart, lest a process spin. Robots are still waited for, so that the first running cycle
-  finds their answers to all that came before, but not longer than `IDLE_LIMIT`, as some agents are silent
-  until the start, and not while a client waits to be registered. When the automatic start is due the
-  cycle that starts comes as soon as all have answered.
+  finds their answers to all that came before, but not longer than `IDLE_LIMIT` (a fixed limit that has an end
+  counts instead), as some agents are silent until the start, and not while a client waits to be registered.
+  When the automatic start is due the cycle that starts comes as soon as all have answered.
 - With no robot to wait for, cycles keep the pace of real time.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -154,6 +155,8 @@ class Lockstep(Pace):
         super().__init__(session, period, clock=clock)
         self.limit = limit
         self._adaptive = adaptive
+        # A user who says how long to wait for an answer means the first one, too, unless that is for ever.
+        self._idle_limit = min(limit, IDLE_LIMIT) if adaptive or limit == math.inf else limit
         self._notify = notify
         self._real_period = session.simulation.world.parameters.cycle_time / 1000.0
         self._sent = clock()
@@ -334,7 +337,7 @@ class Lockstep(Pace):
         """Compute for how long to wait on for the first message of an answer."""
         answers = client.answers
         if not running:
-            return max(0.0, min(self.limit, IDLE_LIMIT) - passed)
+            return max(0.0, self._idle_limit - passed)
         left = self.limit - passed
         if not self._adaptive:
             return min(max(0.0, left), 1.0)

@@ -1,4 +1,4 @@
-"""Tells others that clients can register."""
+"""Tell other programs that clients can register."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ciberrato.files.atomic import replace_file
 
 
 def tell_ready(port: int, file: Path | None, descriptor: int | None) -> None:
-    """Write the port, a line, where somebody waits for it.
+    """Write the port, a line, where another program waits for it.
 
     Parameters
     ----------

@@ -28,6 +28,9 @@ FOLLOWERS_LIMIT = 100
 FAULTS_LIMIT = 3
 """So many messages that are no registrations, and a connection is closed."""
 
+TOLD = 100
+"""Messages that are no registrations that are put into words; how many are said is the session's business."""
+
 _PERHAPS = re.compile(rb"<(Robot|RobotBeacon|View|Panel)\b")
 """Every registration has one of these somewhere; what has not need not be parsed."""
 
@@ -53,7 +56,7 @@ class Reception:
         """Return whether a client waits."""
         return bool(self._waiting)
 
-    def welcome(self, newcomer: Newcomer, data: bytes) -> None:
+    def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
         """Take a message of a client that has not registered.
 
         Parameters
@@ -61,33 +64,44 @@ class Reception:
         newcomer : Newcomer
         data : bytes
             A registration, or what follows one that waits.
+
+        Returns
+        -------
+        bool
+            False if it was evidently neither, and has cost next to nothing.
         """
         if newcomer.followers is not None:
             if len(newcomer.followers) < FOLLOWERS_LIMIT:
                 newcomer.followers.append(data)
             else:
                 self._dropped["registrations"] += 1
-            return
-        try:
-            if not _PERHAPS.search(data):
-                raise ProtocolError(
-                    f"{data[:40]!r}: not a registration; Robot, RobotBeacon, View and Panel are"
-                )
-            registration = decode_registration(data)
-        except ProtocolError as error:
-            self._dropped["junk"] += 1
-            self._complain(f"registration from {newcomer.label}: {error}")
-            newcomer.faults += 1
-            if newcomer.faults >= FAULTS_LIMIT:
-                newcomer.turn_away()
-            return
+            return True
+        if not _PERHAPS.search(data):
+            self._refuse(newcomer, data, "not a registration; Robot, RobotBeacon, View and Panel are")
+            return False
         source = newcomer.source
+        # Looked at before the message is read, which takes longest.
         if len(self._waiting) >= WAITING_LIMIT or self._by_source[source] >= SOURCE_LIMIT:
             self._dropped["registrations"] += 1
-            return
+            return True
+        try:
+            registration = decode_registration(data)
+        except ProtocolError as error:
+            self._refuse(newcomer, b"", str(error))
+            return True
         newcomer.followers = []
         self._by_source[source] += 1
         self._waiting.append((newcomer, registration))
+        return True
+
+    def _refuse(self, newcomer: Newcomer, data: bytes, why: str) -> None:
+        self._dropped["junk"] += 1
+        if self._dropped["junk"] <= TOLD:
+            shown = f"{data[:40]!r}: " if data else ""
+            self._complain(f"registration from {newcomer.label}: {shown}{why}")
+        newcomer.faults += 1
+        if newcomer.faults >= FAULTS_LIMIT:
+            newcomer.turn_away()
 
     def admit(self) -> Iterator[tuple[Newcomer, Registration]]:
         """Yield those who are to be answered in this cycle, in order of their arrival."""

@@ -22,6 +22,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from ciberrato.errors import ProtocolError
+from ciberrato.plaintext import plain
 from ciberrato.protocol import (
     GridRequest,
     LabRequest,
@@ -40,6 +41,7 @@ from ciberrato.protocol import (
     fit_reply,
 )
 from simulator_stub.recording.observer import Observer
+from simulator_stub.service.allowance import DROPPED
 from simulator_stub.service.attendance import Attendance
 from simulator_stub.service.audience import Admission, Audience
 from simulator_stub.service.clients import ANSWERS, RobotClient, ViewClient
@@ -52,18 +54,6 @@ from simulator_stub.world.simulator_state import SimulatorState
 
 NAME_LIMIT = 600
 """Characters of a robot's name. The real simulator survives 600 and dies of 850; we refuse what is longer."""
-
-DROPPED = (
-    "robot_messages",
-    "view_messages",
-    "requests",
-    "junk",
-    "registrations",
-    "main_port",
-    "connections",
-    "views",
-)
-"""What may be dropped, by the names in the result file."""
 
 TRIES = 1000
 """Cycles in which a registration is tried, where there is no descriptor for its channel."""
@@ -141,9 +131,15 @@ class Session:
         self._lab = encode(simulation.lab_shown())
         self._grid = encode(simulation.world.grid)
 
-    def welcome(self, newcomer: Newcomer, data: bytes) -> None:
-        """Take a message of a client that has not registered; a registration is answered in a cycle."""
-        self._reception.welcome(newcomer, data)
+    def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
+        """Take a message of a client that has not registered; a registration is answered in a cycle.
+
+        Returns
+        -------
+        bool
+            False if it was evidently none, and has cost next to nothing.
+        """
+        return self._reception.welcome(newcomer, data)
 
     @property
     def views(self) -> list[ViewClient]:
@@ -298,7 +294,8 @@ class Session:
         self.robots[robot_id] = RobotClient(robot_id, peer)
         self.robots = dict(sorted(self.robots.items()))
         peer.send(self._reply)
-        self._notify(f"robot {robot_id}, {registration.name!r:.60}, registered from {peer.label}")
+        name = registration.name and plain(registration.name, 40)
+        self._notify(f"robot {robot_id}, {name!r}, registered from {peer.label}")
 
     def _tell_of_start(self) -> None:
         """Say once what a robot that is there waits for."""

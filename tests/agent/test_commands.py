@@ -127,6 +127,32 @@ def test_a_file_that_cannot_be_written_is_told_before_the_run(capsys: pytest.Cap
     assert "permission denied" in fails(["-o", "closed/localization.out"], capsys)
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--exit-at-wall", "--drive", "explore"],
+            "--exit-at-wall is for --drive right only: explore drives",
+        ),
+        (["--exit-at-wall", "--drive", "goto:5,7"], "--exit-at-wall is for --drive right only: goto drives"),
+        (["--exit-when-finished"], "--exit-when-finished is for --drive active and goto: right has"),
+    ],
+    ids=lambda value: " ".join(value[:3]) if isinstance(value, list) else None,
+)
+def test_an_option_without_effect_is_refused(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert message in fails(["-h", "127.0.0.1:9", "--give-up-after", "0.05", *words], capsys)
+    assert list(Path().iterdir()) == []
+
+
+def test_inspecting_a_log_says_what_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    RunWriter(Path("run.jsonl"), HEADER).close()
+    message = fails(["inspect", "run.jsonl"], capsys)
+    assert "run.jsonl: this is the log of a run, not a belief file like localization.out: " in message
+    assert "ciberrato-agent localize run.jsonl -m LAB" in message
+
+
 def test_nobody_answers(capsys: pytest.CaptureFixture[str]) -> None:
     message = fails(["-h", "127.0.0.1:9", "--give-up-after", "0.05"], capsys)
     assert message == "ciberrato-agent: no simulator has answered at 127.0.0.1:9 in 0.05 s\n"

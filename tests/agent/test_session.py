@@ -12,6 +12,8 @@ import pytest
 import agent.offline.expected_readings
 import agent.run.session
 from agent.cli import main
+from agent.drives.exchange import Exchange
+from ciberrato.client.pace import Pace
 from ciberrato.errors import LabError
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.run_log import read_run
@@ -109,6 +111,22 @@ def test_of_a_crowd_the_newest_is_answered_and_all_are_logged(
     errors = capsys.readouterr().err
     assert "1 cycles without Measures; 2 Measures not answered" in errors
     assert "the simulator has closed the connection; finishing" in errors
+
+
+@pytest.mark.parametrize("options", [(), ("--lockstep",)])
+def test_in_lockstep_no_clock_has_a_say_however_real_the_time_looks(
+    run: Runner, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...]
+) -> None:
+    seen = []
+
+    def note(exchange: Exchange, now: float) -> None:
+        exchange.round_trip = 1.0
+        seen.append(exchange._on_the_way)
+
+    monkeypatch.setattr(Pace, "is_real_time", property(lambda pace: True))
+    monkeypatch.setattr(Exchange, "sent", note)
+    run([ACCEPTED, measures(0)], [measures(1)], options=options)
+    assert seen[1] == (0.0 if options else 1.0)
 
 
 def test_rubbish_and_second_replies_are_passed_over(run: Runner, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ciberrato.protocol import (
@@ -28,8 +29,10 @@ from simulator_stub.service.allowance import (
     CONNECTIONS,
     LEAST_COST,
     MAIN_DATAGRAMS,
+    MAIN_RATE,
     MESSAGES,
     NEWCOMER_BYTES,
+    REGISTRATION_COST,
     VIEW_MESSAGES,
     Allowance,
     Meter,
@@ -107,8 +110,12 @@ class Rig:
         self.transport = kind()
         self.transport.open("127.0.0.1", 0)
         self.came: list[tuple[Newcomer, bytes]] = []
-        self.transport.serve(self.readiness, lambda who, data: self.came.append((who, data)), self.meter)
+        self.transport.serve(self.readiness, self.welcome, self.meter)
         self.address = ("127.0.0.1", self.transport.port)
+
+    def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
+        self.came.append((newcomer, data))
+        return not data.startswith(b"<Rat")
 
     def read_all(self) -> None:
         for _ in range(20_000):
@@ -290,26 +297,64 @@ def test_accepting_pauses_after_so_many_and_where_no_descriptor_is_left(
             client.close()
 
 
+def flood(rig: Rig, client: socket.socket, size: int, data: bytes = b"<Rat/>") -> None:
+    for _ in range(size):
+        client.sendto(data, rig.address)
+
+
 def test_the_main_port_is_read_as_far_as_its_allowance_goes(udp: Rig) -> None:
+    most = int(MAIN_RATE * udp.meter.tick_seconds)
+    assert most >= MAIN_DATAGRAMS
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
-        sent = 0
-        while len(udp.came) < MAIN_DATAGRAMS:
-            for _ in range(50):
-                client.sendto(b"<Rat/>", udp.address)
-            sent += 50
+        while len(udp.came) < most:
+            flood(udp, client, 50)
             udp.read_all()
-        assert len(udp.came) == MAIN_DATAGRAMS
-        for _ in range(5000):  # more than any buffer holds
-            client.sendto(b"<Rat/>", udp.address)
+        assert len(udp.came) == most
+        flood(udp, client, 5000)  # more than any buffer holds
         udp.read_all()
-        assert len(udp.came) == MAIN_DATAGRAMS
+        assert len(udp.came) == most
         udp.tick()
         udp.read_all()
-        assert len(udp.came) > MAIN_DATAGRAMS
-        waiting = len(udp.came) - MAIN_DATAGRAMS
+        waiting = len(udp.came) - most
+        assert waiting > 0
         lost = udp.dropped["main_port"]
         if lost:  # the system tells
             assert lost + waiting >= 5000
+
+
+def test_what_may_be_a_registration_costs_more_of_the_allowance(udp: Rig) -> None:
+    most = int(MAIN_RATE * udp.meter.tick_seconds)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        for _ in range(most // REGISTRATION_COST // 50 + 1):
+            flood(udp, client, 50, ROBOT % 1)
+            udp.read_all()
+    assert len(udp.came) == -(-most // REGISTRATION_COST)
+
+
+@pytest.mark.parametrize("times", [1, 2, 3])
+def test_a_newcomer_is_heard_among_a_flood_of_some_times_what_is_read(udp: Rig, times: int) -> None:
+    """The clock is the test's: in each tick so many times the allowance is sent, and read while it lasts."""
+    most = int(MAIN_RATE * udp.meter.tick_seconds)
+    moments = np.random.default_rng(1)
+    heard = 0
+    tries = 40
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        for _ in range(tries):
+            moment = int(moments.integers(times * most))
+            for sent in range(0, times * most, 50):
+                if sent <= moment < sent + 50:
+                    client.sendto(ROBOT % 1, udp.address)
+                flood(udp, client, 50)
+                for _ in range(6):
+                    udp.readiness.wait(0.0)
+            udp.tick()
+            udp.read_all()
+            udp.tick()
+            heard += any(data.startswith(b"<Robot") for _, data in udp.came)
+            udp.came.clear()
+    # On average one in `times`, and the buffer's; three standard deviations less of 40 tries.
+    share = 1.0 / times
+    assert heard >= tries * share - 3.0 * (tries * share * (1.0 - share)) ** 0.5
 
 
 def test_a_udp_robot_is_read_as_far_as_its_allowance_goes_and_what_is_lost_is_counted(udp: Rig) -> None:

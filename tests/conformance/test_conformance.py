@@ -77,6 +77,13 @@ def test_agents_in_any_language_pass(tmp_path, program, file, command, build):
 
 
 @pytest.mark.slow
+def test_the_agent_that_ships_passes(tmp_path):
+    words = ["ciberrato-agent", "-h", "{host}:{port}", "-p", "{pos}", "-r", "{name}", "-m", "corridors"]
+    agent = Agent("agent", tuple(words), tmp_path)
+    assert not failed(check_agent(agent, GradedLab("corridors", find_lab("corridors"), None), jobs=2))
+
+
+@pytest.mark.slow
 def test_in_a_sandbox_it_is_the_same(tmp_path):
     if sandbox.choose("auto") != "bwrap":
         pytest.skip("bubblewrap does not work here")

@@ -1,4 +1,4 @@
-"""The README's commands and program, run as they are written."""
+"""The commands and the program of README.md and docs/two-terminals.md, run as they are written."""
 
 import contextlib
 import os
@@ -14,12 +14,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text()
+TERMINALS = (ROOT / "docs" / "two-terminals.md").read_text()
 PROGRAMS = {"ciberrato-agent": "agent", "ciberrato-simulator": "simulator_stub"}
 
 
 def commands():
-    """Every `$ ...` line of the console blocks."""
-    for block in re.findall(r"```console\n(.*?)```", TEXT, re.DOTALL):
+    """Every `$ ...` line of the console blocks of the page."""
+    for block in re.findall(r"```console\n(.*?)```", TERMINALS, re.DOTALL):
         yield from (line[2:] for line in block.splitlines() if line.startswith("$ "))
 
 
@@ -141,13 +142,21 @@ def test_the_recipe_for_ci_tells_that_the_simulator_did_not_start(tmp_path):
     assert b"did you mean 'maze'" in done.stderr
 
 
-def test_the_program_runs(capsys):
-    six_lines, program = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
-    # The six lines are those of docs/client.md, whose programs are run by tests of their own.
+def test_the_six_lines_are_those_of_the_clients_page():
+    # Its programs are run by tests of their own.
+    (six_lines,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
     assert six_lines in (ROOT / "docs" / "client.md").read_text()
-    exec(compile(program, "README.md", "exec"), {})
+
+
+def test_the_program_of_the_library_runs(capsys):
+    (program,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.DOTALL)
+    exec(compile(program, "api.md", "exec"), {})
     time, collision, *_ = capsys.readouterr().out.split()
     assert (time, collision) in {("100", "True"), ("100", "False")}
+
+
+def test_it_is_short():
+    assert len(TEXT.splitlines()) < 120
 
 
 @pytest.mark.slow

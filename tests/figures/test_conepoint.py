@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from agent.views.figures.conepoint import nearest_point, sensor_point
 from ciberrato.files.lab import read_lab
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import nearest_in_cone, sensor_distances
 from ciberrato.labs import find_lab
+from ciberrato.plot.conepoint import nearest_point, sensor_point
 
 
 @pytest.mark.parametrize("lab_name", ["standard", "rooms", "diagonals"])

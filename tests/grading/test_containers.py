@@ -83,6 +83,7 @@ def test_each_run_is_two_containers_with_walls_and_limits(tmp_path, engine):
         assert volume.endswith(":/agent")
         assert not any(entry.startswith("PATH=") for entry in options["--env"])
     assert "CIBERRATO_HOST=127.0.0.1" in agent[0]["--env"]
+    assert "CIBERRATO_LOCKSTEP=1" in agent[0]["--env"]
     assert agent[2] == ["python", "agent.py", "127.0.0.1", "6000", "robot"]
     assert simulator[2][:4] == ["python", "-P", "-m", "simulator_stub"]
     names = {one[0]["--name"] for one in (build, simulator, agent)}

@@ -7,6 +7,8 @@ from tests.grading.program import run
 
 LAB = "[[lab]]\nname = 'maze'\n"
 
+AGENT = "[[agent]]\nname = 'x'\ncommand = 'x'\n"
+
 
 @pytest.fixture
 def good(tmp_path):
@@ -37,6 +39,8 @@ def test_a_course_is_read_with_its_defaults(tmp_path, good):
     [
         ("seeds = 0\n", "seeds: a list of whole numbers"),
         ("seeds = [1, 1]\n", "a seed is there more than once"),
+        ("seeds = [9223372036854775808]\n", "seeds: a list of whole numbers from 0 to 9223372036854775807"),
+        ("[limits]\nfiles = 99999999999999999999\n", "limits: files: a whole number from 1 to 1e+09"),
         ("pace = 'fast'\n", "pace: one of lockstep, realtime"),
         ("speed = -1\n", "speed: a number from 0.01"),
         ("colour = 1\n", "there is no entry 'colour'; there are:"),
@@ -74,6 +78,25 @@ def test_each_fault_is_a_line_that_names_its_place(tmp_path, good, text, what):
         (LAB + "scoring = 8\n[[agent]]\nname = 'x'\ncommand = 'x'\n", "scoring: a whole number from 0 to 7"),
         (LAB + "set = {SimTim = 1}\n[[agent]]\nname = 'x'\ncommand = 'x'\n", "SimTim"),
         (LAB + "weight = 0\n[[agent]]\nname = 'x'\ncommand = 'x'\n", "no weight is greater than 0"),
+        (
+            LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nenvironment = {'A=B' = 1}\n",
+            "environment: 'A=B' cannot be set",
+        ),
+        (
+            LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nenvironment = {'' = 1}\n",
+            "environment: '' cannot be set",
+        ),
+        (LAB + '[[agent]]\nname = "x"\ncommand = "x"\nenvironment = {A = "\\u0000"}\n', "cannot be set to"),
+        (LAB + AGENT + "folder = '" + 5000 * "y" + "'\n", "there is no folder"),
+        (
+            "[[lab]]\nname = 'm'\nlab = '" + 5000 * "y" + "'\n" + AGENT,
+            "neither a file nor a lab",
+        ),
+        (LAB + "set = {SimTime = 0}\n" + AGENT, "a run of a course has to end"),
+        (
+            LAB + "position = 77\n" + AGENT,
+            "position: the start grid has places 1 to",
+        ),
         ("seeds = = 1", "not TOML"),
     ],
 )

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from ciberrato.grading import leftovers
+from ciberrato.errors import UsageError
+from ciberrato.grading import leftovers, runner
 from ciberrato.processes import ROOT
-from tests.grading.agents import BREEDING, ROBOT, table, write
+from tests.grading.agents import BREEDING, BROKEN, ROBOT, table, write
 from tests.grading.program import command, rows, run
 
 LAB = "[[lab]]\nname = 'maze'\ngrid = 'maze'\nset = {SimTime = 60}\n"
@@ -167,3 +168,45 @@ def test_an_agent_that_thinks_too_long_loses_the_cycle_and_not_others_time(tmp_p
     assert int(late["unanswered"]) >= 1
     assert int(late["late"]) >= 1
     assert int(late["answered"]) + int(late["unanswered"]) == 60
+
+
+def test_one_grading_at_a_time_works_on_a_folder(tmp_path):
+    path = tmp_path / "runs.jsonl"
+    with (
+        runner.open_runs(path, tmp_path / "recordings"),
+        pytest.raises(UsageError, match="another grading is at work there"),
+    ):
+        runner.open_runs(path, tmp_path / "recordings")
+    runner.open_runs(path, tmp_path / "recordings").close()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no full device here")
+def test_a_run_that_cannot_be_kept_is_told():
+    with (
+        open("/dev/full", "ab", buffering=0) as full,
+        pytest.raises(UsageError, match="/dev/full: cannot be written: No space left"),
+    ):
+        runner.add_run(full, {"key": 1})
+
+
+def test_a_run_that_is_kept_in_part_is_told():
+    class Full:
+        name = "runs.jsonl"
+
+        def write(self, line):
+            return len(line) - 1
+
+    with pytest.raises(UsageError, match="there is no room"):
+        runner.add_run(Full(), {"key": 1})
+
+
+@pytest.mark.slow
+def test_who_fills_its_folder_is_stopped(tmp_path, walls):
+    filling = BROKEN.replace("DO", "[open(f'f{n}', 'wb').write(bytes(3 << 20)) for n in range(40)]")
+    write(tmp_path, "filling", filling + "\n        __import__('time').sleep(0.2)\n")
+    path = tmp_path / "course.toml"
+    path.write_text("limits = {disk = 4}\n" + LAB + table("filling"))
+    run(path, "--quiet", "--sandbox", walls, "--output", tmp_path / "report")
+    (row,) = rows(tmp_path / "report")
+    assert row["status"].startswith("stopped at")
+    assert row["detail"] == "disk limit"

@@ -17,6 +17,7 @@ from ciberrato.errors import UsageError  # noqa: E402
 from ciberrato.gym import CiberRatoEnv, CiberRatoVectorEnv  # noqa: E402
 from ciberrato.gym.human import Window  # noqa: E402
 from ciberrato.gym.scenario import Scenario  # noqa: E402
+from ciberrato.labs import find_lab  # noqa: E402
 from ciberrato.net.udp import UdpLink  # noqa: E402
 from ciberrato.physics.kinematics import MAX_POWER  # noqa: E402
 from ciberrato.protocol import (  # noqa: E402
@@ -56,6 +57,18 @@ def test_make_imports_the_package_by_itself() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "('maze',)\n"
+
+
+def test_gymnasium_loads_no_plugins() -> None:
+    """From 0.27 to 0.29 it did, by entry points in the group ``gymnasium.envs``; since 1.0 it does not.
+
+    If this fails it does again: declare ``ciberrato = "ciberrato.gym.registration:register_environments"``
+    there, and the manual need no longer tell anyone to import the package.
+    """
+    assert not hasattr(gymnasium.envs.registration, "load_plugin_envs")
+    program = "import gymnasium; gymnasium.make('ciberrato/Navigate-v0')"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert "NamespaceNotFound: Namespace ciberrato not found" in done.stderr
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -189,7 +202,14 @@ def test_episodes_are_drawn_from_the_options() -> None:
         ({"task": "circuit", "labs": "twins"}, "there is no start of the kind 'circuit'"),
         ({"noise": (2.0, 1.0)}, "nor a range"),
         ({"time_limit": 0}, "no positive number of cycles"),
-        ({"labz": "maze"}, "no option labz"),
+        ({"time_limit": True}, "time_limit: True is no positive number"),
+        ({"labz": "maze"}, "no option labz.*labs"),
+        ({"labs": 3}, "labs: 3 is neither a name"),
+        ({"parameters": "calm"}, "parameters: 'calm' are no Parameters"),
+        ({"noise": "loud"}, "noise: 'loud' is neither a factor"),
+        ({"noise": (1.0, 2.0, 3.0)}, "noise: .* is neither a factor"),
+        ({"starts": 3}, "starts: 3 is none of"),
+        ({"starts": [("a", 1, 1)]}, "start: .* is not x, y in units"),
     ],
 )
 def test_options_that_cannot_be_used_are_refused_in_one_line(options: dict, message: str) -> None:
@@ -197,6 +217,20 @@ def test_options_that_cannot_be_used_are_refused_in_one_line(options: dict, mess
         with pytest.raises(UsageError, match=message) as caught:
             kind(**options)
         assert "\n" not in str(caught.value)
+
+
+def test_many_environments_are_a_positive_number() -> None:
+    for number in (0, -1, "2", 1.5, True):
+        with pytest.raises(UsageError, match="is no positive number of environments"):
+            CiberRatoVectorEnv(num_envs=number)
+    with pytest.raises(ValueError, match="threads: 0 is below 1"):
+        CiberRatoVectorEnv(threads=0)
+
+
+def test_labs_may_be_paths_and_starts_an_array() -> None:
+    env = CiberRatoEnv(labs=find_lab("rooms"), starts=np.array([[3.0, 4.0, 90.0]]))
+    env.reset(seed=1)
+    assert env._simulation.poses()[0] == pytest.approx([3.0, 4.0, np.pi / 2.0])
 
 
 def test_resets_check_their_options() -> None:

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
 from ciberrato.gym import CiberRatoEnv, CiberRatoVectorEnv  # noqa: E402
 from ciberrato.world.lab import Lab, Target  # noqa: E402
+from simulator_stub.batch.simulation import FEW  # noqa: E402
 
 NUMBA = importlib.util.find_spec("numba") is not None
 MODES = [
@@ -56,7 +57,7 @@ def assert_equal_steps(
     assert many.metadata["autoreset_mode"] is mode
     for name in ("observation_space", "action_space", "single_observation_space", "single_action_space"):
         assert getattr(many, name) == getattr(loop, name)
-    seeds = [11, 5, 7, 1, 2, 3, 4][:worlds]
+    seeds = [11, 5, 7, *range(1, worlds - 2)][:worlds]
     first, second = many.reset(seed=seeds), loop.reset(seed=seeds)
     assert np.array_equal(first[0], second[0])
     assert equal(first[1], second[1])
@@ -108,20 +109,43 @@ def test_navigate_over_ten_thousand_steps(mode: AutoresetMode, compiled: bool) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_circuit_over_a_thousand_steps(mode: AutoresetMode) -> None:
+@pytest.mark.parametrize(("mode", "compiled"), MODES)
+def test_circuit_over_ten_thousand_steps(mode: AutoresetMode, compiled: bool) -> None:
     counts = assert_equal_steps(
-        "circuit", mode, 1000, compiled=False, labs=["corridors", "rooms"], noise=(0.5, 1.5), time_limit=150
+        "circuit",
+        mode,
+        10_000,
+        compiled=compiled,
+        labs=["corridors", "rooms"],
+        noise=(0.5, 1.5),
+        time_limit=150,
     )
     assert counts["truncated"] > 10
 
 
 @pytest.mark.slow
-def test_localize() -> None:
+@pytest.mark.parametrize(("mode", "compiled"), MODES)
+def test_localize(mode: AutoresetMode, compiled: bool) -> None:
     counts = assert_equal_steps(
-        "localize", AutoresetMode.NEXT_STEP, 200, 2, compiled=False, labs=["maze", "rooms"], time_limit=60
+        "localize", mode, 240, 2, compiled=compiled, labs=["maze", "rooms"], time_limit=60
     )
     assert counts["terminated"] + counts["truncated"] > 3
+
+
+@pytest.mark.slow
+def test_more_worlds_than_are_stepped_one_by_one() -> None:
+    counts = assert_equal_steps(
+        "navigate",
+        AutoresetMode.NEXT_STEP,
+        150,
+        FEW + 3,
+        compiled=False,
+        labs=[PARK, "maze"],
+        starts=[(3.0, 3.0, 0.0), (1.0, 1.0, 90.0)],
+        noise=(0.0, 2.0),
+        time_limit=60,
+    )
+    assert counts["truncated"] > 2 * FEW
 
 
 def test_many_worlds_in_a_few_steps() -> None:

@@ -8,11 +8,11 @@ from matplotlib.colors import to_rgb
 
 from agent.offline.summary import heat_map, peak, step_table
 from agent.views.figures import belief_panels
-from agent.views.figures.canvas import TRUE_COLOUR
 from agent.views.inspection import inspect
 from ciberrato.errors import UsageError
 from ciberrato.files.beliefs import write_beliefs
 from ciberrato.files.lab import default_lab
+from ciberrato.plot.canvas import TRUE_COLOUR
 from ciberrato.world.lab import Lab
 
 

@@ -8,8 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from ciberrato import read_grid, read_lab
 from ciberrato.errors import UsageError
+from ciberrato.labs import find_grid, find_lab
+from ciberrato.net.udp import UdpLink
 from ciberrato.plugins import installed, load_model, load_part, models
+from ciberrato.protocol import RobotRegistration, encode
 from simulator_stub.sensors import Sensor
 from simulator_stub.simulation import Simulation
 
@@ -159,6 +163,91 @@ def test_a_broken_scoring_mode_is_one_line(broken):
     folder = broken(scoring={"odd": "own_broken.odd:number"})
     words = ("ciberrato-simulator", "--port", "0", "--scoring")
     assert "7 is not a class derived from simulator_stub.scoring.Scoring" in refused(folder, *words, "odd")
+
+
+FAULTY = """from simulator_stub.scoring import Scoring
+from simulator_stub.sensors import Sensor, report_other
+
+class Fine(Sensor):
+    name = "faulty"
+    def update(self, robot, scene): pass
+    def report(self, robot, fields): pass
+
+class Divides(Fine):
+    def update(self, robot, scene): 1 / 0
+
+class Reports(Fine):
+    def report(self, robot, fields):
+        report_other(fields, "X", Value=None)
+
+class Records(Fine):
+    def record(self, fields): {}["here"]
+
+class Begins(Fine):
+    def __init__(self, world): pass
+
+class Present(Fine):
+    is_present = property(lambda self: self.missing)
+
+class Misspells(Fine):
+    def report(self, robot, fields):
+        fields["compas"] = 3.0
+
+class Counts(Scoring):
+    def update(self, robot, time, robots):
+        if time == 3: robot.scores += 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Divides", "sensor faulty:Divides: ZeroDivisionError: division by zero (faulty.py:10)"),
+        ("Reports", "sensor faulty:Reports: TypeError: unsupported format string"),
+        ("Records", "sensor faulty:Records: KeyError: 'here' (faulty.py:17)"),
+        ("Begins", "sensor faulty:Begins: TypeError: Begins.__init__() takes 2"),
+        ("Present", "sensor faulty:Present: AttributeError: 'Present' object has no attribute 'missing'"),
+        ("Misspells", "a sensor reports 'compas', which is no field of Measures"),
+        ("Counts", "scoring mode faulty:Counts: AttributeError: 'Robot' object has no attribute 'scores'"),
+    ],
+)
+def test_what_a_sensor_or_a_scoring_mode_raises_in_a_run_is_one_line(tmp_path, monkeypatch, name, message):
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    lab, grid = read_lab(find_lab("maze")), read_grid(find_grid("maze"))
+    part = {"scoring" if name == "Counts" else "sensors": f"faulty:{name}"}
+    with pytest.raises(UsageError) as caught:  # noqa: PT012  # where in a run, the message says
+        simulation = Simulation(
+            lab, grid, scoring=part.get("scoring", 0), sensors=[part["sensors"]] if "sensors" in part else []
+        )
+        robot = simulation.register(RobotRegistration())
+        simulation.launch()
+        for _ in range(5):
+            simulation.step({robot: (0.1, 0.1)})
+            simulation.readings(simulation.robots[0])
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert "plugins.py" not in str(caught.value)
+
+
+def test_the_simulator_ends_with_that_line(own):
+    (own / "faulty.py").write_text(FAULTY)
+    program = [str(BIN / "ciberrato-simulator"), "--bind", "127.0.0.1", "--port", "0"]
+    program += ["--sensor", "faulty:Divides", "--quiet"]
+    with subprocess.Popen(
+        program, cwd=own, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        ports = [re.search(r"udp 127\.0\.0\.1:(\d+)", process.stdout.readline()) for _ in range(3)]
+        (port,) = [found[1] for found in ports if found]
+        with UdpLink("127.0.0.1", int(port)) as link:
+            link.register(encode(RobotRegistration(name="near")))
+            said = process.communicate(timeout=60)[1]
+    assert process.returncode == 2
+    assert said.splitlines()[-1].endswith(
+        "sensor faulty:Divides: ZeroDivisionError: division by zero (faulty.py:10)"
+    )
+    assert "Traceback" not in said
 
 
 def test_a_broken_drive_is_one_line(broken):

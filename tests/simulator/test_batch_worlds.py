@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from ciberrato.errors import UsageError
 from ciberrato.files.lab import read_lab
 from ciberrato.geometry.walls import WallMap
 from ciberrato.labs import find_lab
@@ -15,8 +17,9 @@ from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Beacon, Lab, Target, Wall
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
-from simulator_stub.batch import BatchReadings, BatchSimulation
+from simulator_stub.batch import BatchReadings, BatchSimulation, arrays, scalar
 from simulator_stub.batch import compiled as batch_compiled
+from simulator_stub.batch.simulation import FEW
 from simulator_stub.simulation import Simulation
 
 KERNELS = [
@@ -24,6 +27,11 @@ KERNELS = [
     pytest.param({"compiled": True, "threads": 1}, id="numba"),
     pytest.param({"compiled": True, "threads": 3}, id="threads"),
 ]
+SIZES = [
+    *(pytest.param(*one.values, 6, id=f"{one.id}-6") for one in KERNELS),
+    pytest.param({"compiled": False}, FEW + 8, id="arrays"),
+]
+"""Numpy alone steps few worlds one by one, and many as arrays."""
 NOISY = Parameters(sim_time=0, gps=True, beacon_sensor=True)
 ROOM = Lab(
     name="room",
@@ -168,8 +176,7 @@ def rules_of(worlds: int, rng: np.random.Generator, **changes: object) -> list[P
     ]
 
 
-@pytest.mark.parametrize("options", KERNELS)
-@pytest.mark.parametrize("worlds", [6, 18])
+@pytest.mark.parametrize(("options", "worlds"), SIZES)
 @pytest.mark.parametrize("scoring", [None, 0, 1])
 def test_worlds_that_differ_and_begin_anew(options: dict, worlds: int, scoring: int | None) -> None:
     rng = np.random.default_rng([worlds, 3])
@@ -178,6 +185,8 @@ def test_worlds_that_differ_and_begin_anew(options: dict, worlds: int, scoring: 
     twins = Twins(
         labs, free_starts(labs, rng), rules_of(worlds, rng), list(range(worlds)), scoring, **options
     )
+    if not options["compiled"]:
+        assert twins.batch._kernels is (scalar if worlds < FEW else arrays)
     twins.check("start")
     for cycle in range(90):
         commands = rng.choice([-0.1, 0.05, 0.1, 0.15, 0.2], size=(worlds, 2))
@@ -203,8 +212,8 @@ def test_worlds_that_differ_and_begin_anew(options: dict, worlds: int, scoring: 
             twins.check(("reset", cycle))
 
 
-@pytest.mark.parametrize("options", KERNELS)
-def test_latencies_begin_anew_too(options: dict) -> None:
+@pytest.mark.parametrize(("options", "worlds"), SIZES)
+def test_latencies_begin_anew_too(options: dict, worlds: int) -> None:
     rng = np.random.default_rng(5)
     late = {
         "obstacle_latency": 2,
@@ -213,22 +222,22 @@ def test_latencies_begin_anew_too(options: dict) -> None:
         "ground_latency": 4,
         "beacon_latency": 2,
     }
-    labs = [ROOM] * 4
-    twins = Twins(labs, free_starts(labs, rng), rules_of(4, rng, **late), [5, 6, 7, 8], None, **options)
+    labs = [ROOM] * worlds
+    seeds = range(5, 5 + worlds)
+    twins = Twins(labs, free_starts(labs, rng), rules_of(worlds, rng, **late), seeds, None, **options)
     for cycle in range(60):
-        twins.step(rng.choice([0.05, 0.1, 0.15], size=(4, 2)), None)
+        twins.step(rng.choice([0.05, 0.1, 0.15], size=(worlds, 2)), None)
         twins.check(cycle)
         if cycle % 5 == 4:
-            twins.reset([cycle % 4, (cycle + 1) % 4])
+            twins.reset([cycle % worlds, (cycle + 1) % worlds])
             twins.check(("reset", cycle))
 
 
-@pytest.mark.parametrize("options", KERNELS)
+@pytest.mark.parametrize(("options", "worlds"), SIZES)
 @pytest.mark.parametrize("sim_time", [0, 130])
-def test_the_way_home_in_mode_0(options: dict, sim_time: int) -> None:
+def test_the_way_home_in_mode_0(options: dict, sim_time: int, worlds: int) -> None:
     """A robot visits both targets, signals, drives back, and ends its run at several times."""
     quiet = replace(NOISY, motors_noise=0.0, sim_time=sim_time)
-    worlds = 6
     twins = Twins([ROOM] * worlds, [(6.5, 7.0, 0.0)] * worlds, [quiet] * worlds, range(worlds), 0, **options)
     for cycle in range(150):
         speed = 0.1 if cycle < 25 else (0.0 if cycle < 40 else -0.05)
@@ -316,6 +325,54 @@ def test_what_cannot_be_reset_changes_nothing(change: dict, message: str) -> Non
         batch.reset(**change)
     assert np.array_equal(batch.poses(), before)
     assert batch.time.tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seeds": 3}, "seeds: 3 are not seeds, one for each world"),
+        ({"seeds": ["a", 1]}, "seed: 'a' is neither a whole number"),
+        ({"seeds": [-1, 1]}, "seed: -1 is below 0"),
+        ({"starts": None}, "starts must have the shape"),
+        ({"starts": [("a", 1, 1), (1, 1, 1)]}, "starts: .* are not numbers"),
+        ({"starts": [(1e300, 1, 1), (1, 1, 1)]}, "starts must be finite, and within 1e"),
+        ({"lab": "maze"}, "labs: 'maze' is no Lab"),
+        ({"lab": [ROOM, "maze"]}, "labs: 'maze' is no Lab"),
+        ({"labs_to_come": ["maze"]}, "labs_to_come: 'maze' is no Lab"),
+        ({"parameters": [NOISY, 2]}, "parameters: 2 is no Parameters"),
+        ({"parameters": 0}, "parameters: 0 is no Parameters"),
+        ({"sensor_angles": (1.0, 2.0)}, "sensor_angles: .* are not 4 angles"),
+        ({"sensor_angles": "abc"}, "sensor_angles: 'abc' are not numbers"),
+        ({"scoring": [0]}, r"modes 0 and 1 only, not of \[0\]"),
+        ({"compiled": "yes"}, "compiled: 'yes' is neither True nor False"),
+        ({"compiled": True, "threads": 0}, "threads: 0 is below 1"),
+        ({"compiled": True, "threads": "2"}, "threads: '2' is not a whole number"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_what_a_batch_cannot_be_made_of_is_named(change: dict, message: str) -> None:
+    given = {"lab": ROOM, "starts": [(2.0, 2.0, 0.0)] * 2, "parameters": NOISY, "seeds": [1, 2], **change}
+    with pytest.raises((TypeError, ValueError), match=message) as caught:
+        BatchSimulation(given.pop("lab"), given.pop("starts"), given.pop("parameters"), **given)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_a_batch_cannot_be_told_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    batch, other = (
+        BatchSimulation(ROOM, [(2.0, 2.0, 0.0)] * worlds, seeds=range(worlds)) for worlds in (2, 3)
+    )
+    for commands in ("ahead", [["a", "b"]] * 2):
+        with pytest.raises(TypeError, match=r"commands: .* are not numbers"):
+            batch.step(commands)
+    for worlds in (1.5, "x"):
+        with pytest.raises(TypeError, match="is neither a mask nor whole numbers"):
+            batch.reset(worlds)
+    for snapshot in (None, other.snapshot()):
+        with pytest.raises(ValueError, match="no snapshot of this batch"):
+            batch.restore(snapshot)
+    monkeypatch.setitem(sys.modules, "simulator_stub.batch.compiled", None)
+    with pytest.raises(UsageError, match=r"compiled=True needs numba: pip install 'ciberrato\[fast\]'"):
+        BatchSimulation(ROOM, [(2.0, 2.0, 0.0)], seeds=[1], compiled=True)
 
 
 def test_other_things_are_refused() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -236,13 +237,35 @@ def test_while_stopped_cycles_keep_the_pace_and_wait_for_answers_too(
     assert cycle_at(pace, session, world) == pytest.approx(PERIOD), "not faster, though it has answered"
     world.after(0.3, lambda: robot.deliver(MOVE))
     assert cycle_at(pace, session, world) == pytest.approx(0.3)
-    assert cycle_at(pace, session, world) == pytest.approx(PERIOD + IDLE_LIMIT), "it does not answer"
+    assert cycle_at(pace, session, world) == pytest.approx(PERIOD + LIMIT), "it does not answer"
     assert cycle_at(pace, session, world) == pytest.approx(PERIOD), "nor is it expected to any more"
     session.simulation.start()
     cycle_at(pace, session, world)
     world.after(0.9, lambda: robot.deliver(MOVE))
     assert cycle_at(pace, session, world) == pytest.approx(0.9 + DOUBT), "but it is once the run starts"
     assert session.simulation.time == 1
+
+
+@pytest.mark.parametrize(
+    ("limit", "fixed", "waited"),
+    [
+        (10.0, True, 10.0),
+        (0.1, True, 0.1),
+        (math.inf, True, IDLE_LIMIT),
+        (LIMIT, False, IDLE_LIMIT),
+        (0.1, False, 0.1),
+    ],
+)
+def test_before_the_start_a_limit_of_the_users_counts_unless_it_has_no_end(
+    session: Session, world: World, join: Any, limit: float, fixed: bool, waited: float
+) -> None:
+    robot = join()
+    pace = Lockstep(session, PERIOD, limit=limit, adaptive=not fixed, clock=world.clock)
+    cycle_at(pace, session, world)
+    world.after(PERIOD + 0.9 * waited, lambda: robot.deliver(MOVE))
+    assert cycle_at(pace, session, world) == pytest.approx(PERIOD + 0.9 * waited)
+    assert cycle_at(pace, session, world) == pytest.approx(PERIOD + waited)
+    assert cycle_at(pace, session, world) == pytest.approx(PERIOD), "once"
 
 
 def test_the_automatic_start_does_not_wait_for_the_next_tick(

@@ -10,8 +10,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 # A path that climbs out of the folder where it begins.
 CLIMBING = re.compile(r"\.\./|[\"']\.\.[\"']|\bos\.pardir\b|\b(ROOT|REPOSITORY)\.parent\b")
-# Requests that a server must refuse, and a name that is no lab.
-ATTACKS = {"tests/viewer/test_server.py", "tests/viewer/test_site.py", "tests/maps/test_maps.py"}
+# Requests that a server must refuse, a name that is no lab, and the folder of an agent in a repository.
+ATTACKS = {
+    "tests/viewer/test_server.py",
+    "tests/viewer/test_site.py",
+    "tests/maps/test_maps.py",
+    "tests/grading/test_repositories.py",
+    "ciberrato/grading/agents.py",
+}
 
 
 def files():

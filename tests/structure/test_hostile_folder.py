@@ -82,6 +82,17 @@ def test_children_find_ours_though_the_folder_is_on_the_path_of_all_pythons(fold
     assert done.stdout.startswith("ciberrato ")
 
 
+@pytest.mark.parametrize("name", ["agent", "simulator", "evaluate", "grade", "lab", "viewer"])
+def test_installed_programs_are_ours_though_the_folder_is_on_the_path_of_all_pythons(
+    folder, monkeypatch, name
+):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([".", str(folder)]))
+    words = [program(name), "--version"]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("ciberrato ")
+
+
 @pytest.mark.slow
 def test_simulator_agent_and_viewer_with_all_their_children(folder):
     simulator = start(

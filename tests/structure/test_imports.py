@@ -44,6 +44,7 @@ LIBRARY = {
     "croblink": {"client", "errors", "net", "protocol"},
     "localization": SHAPES | {"infrared", "processes", "protocol", "system"},
     "checks": SHAPES | {"files", "infrared", "labs", "localization"},
+    "plot": SHAPES | {"bayes", "files", "infrared", "labs", "localization", "plaintext"},
 }
 # The rooms behind the full-pose filter, each standing on those before it.
 LOCALIZATION = ("belief", "evidence", "tables", "refinement", "filtering", "live")

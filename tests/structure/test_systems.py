@@ -9,8 +9,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 ROOM = ROOT / "ciberrato" / "system"
-# What Linux tells of a client's process; on other systems it finds nothing, and time alone tells.
-LINUX = {"simulator_stub/service/client_process.py"}
+# What Linux tells of a client's process, and its control groups; on other systems nothing is found.
+LINUX = {"simulator_stub/service/client_process.py", "ciberrato/grading/cgroups.py"}
 BOUND = {
     "sys": {"platform", "getwindowsversion"},
     "platform": {"system", "platform", "uname"},
@@ -97,6 +97,7 @@ def bound_names(path):
 ELSEWHERE = {
     "ciberrato/grading/sandbox.py": ("'/proc'", "'/dev'"),
     "ciberrato/grading/supervisor.py": ("preexec_fn=",),
+    "ciberrato/grading/tournament/keeper.py": ("preexec_fn=",),
 }
 
 

@@ -1,5 +1,6 @@
 """The wheel that is built from the checkout ships what users need, and nothing else."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -54,3 +55,26 @@ def test_the_wheel_ships_the_packages_and_the_maps(tmp_path):
     assert (
         "[pytest11]\nciberrato = ciberrato.testing.plugin\n" in zipfile.ZipFile(wheel).read(entries).decode()
     )
+    _environments_are_made(wheel, tmp_path / "site")
+
+
+def _environments_are_made(wheel: Path, site: Path) -> None:
+    """Run the manual's first program on learning with what the wheel holds, and nothing of the checkout."""
+    zipfile.ZipFile(wheel).extractall(site)
+    program = (ROOT / "docs" / "learning.md").read_text().partition("```python\n")[2].partition("```")[0]
+    assert "gymnasium.make(" in program
+    program += "\nimport ciberrato; print(ciberrato.__file__)"
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=site.parent,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    score, where = done.stdout.splitlines()
+    assert score.endswith(("True", "False"))
+    assert where == str(site / "ciberrato" / "__init__.py")

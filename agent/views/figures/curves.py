@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from agent.offline.summary import normalized_entropy
-from agent.views.figures.canvas import LINE_COLOURS, TRUE_COLOUR, new_figure, save_figure, set_step_axis
+from agent.views.figures.canvas import save_figure
+from ciberrato import plot
 from ciberrato.arrays import Floats
+from ciberrato.plot.canvas import LINE_COLOURS, new_figure
+from ciberrato.plot.curves import TIME_LABEL
 from ciberrato.world.coordinates import Cell
 
 
@@ -34,29 +33,12 @@ def step_curves(
     UsageError
         If the figure cannot be written.
     """
-    steps = np.arange(len(beliefs)) - 1
-    known = [not np.isnan(belief).any() for belief in beliefs]
-    entropy = [normalized_entropy(b) if ok else math.nan for b, ok in zip(beliefs, known, strict=True)]
-    greatest = [float(b.max()) if ok else math.nan for b, ok in zip(beliefs, known, strict=True)]
     figure = new_figure(7.0, 5.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    # The one below is wider: where both are the same, both are seen.
-    upper.plot(steps, greatest, "o-", color=LINE_COLOURS[0], markersize=8, lw=3.5, label="most likely cell")
-    if true_cells is not None:
-        right = [
-            math.nan if cell is None else float(belief[cell])
-            for belief, cell in zip(beliefs, true_cells, strict=True)
-        ]
-        upper.plot(steps, right, "s--", color=TRUE_COLOUR, markersize=4, label="true cell")
-    upper.set_ylabel("probability")
-    upper.set_ylim(-0.03, 1.03)
-    lower.plot(steps, entropy, "o-", color=LINE_COLOURS[2], markersize=4, label="entropy")
+    plot.probabilities(beliefs, upper, truth=true_cells)
+    plot.entropies(beliefs, lower)
+    upper.set_xlabel("")
     figure.legend(loc="outside upper center", ncols=3, fontsize=9)
-    lower.set_ylabel("entropy (bits)")
-    lower.set_ylim(bottom=-0.1)
-    set_step_axis(lower, len(beliefs))
-    for axis in (upper, lower):
-        axis.grid(color="0.9")
     save_figure(figure, Path(path))
 
 
@@ -84,13 +66,11 @@ def pose_error_curves(
     figure = new_figure(8.0, 6.0)
     names = ("error along (units)", "error across (units)", "error of heading (°)")
     for index, (axis, name) in enumerate(zip(figure.subplots(3, 1, sharex=True), names, strict=True)):
-        colour = LINE_COLOURS[index]
-        band = 2.0 * deviations[:, index]
-        axis.fill_between(times, -band, band, color=colour, alpha=0.2, lw=0)
-        axis.plot(times, errors[:, index], color=colour, linewidth=1.0)
-        axis.axhline(0.0, color="0.6", linewidth=0.6)
-        axis.set_ylabel(name, fontsize=9)
-        axis.grid(color="0.93")
+        colours = [LINE_COLOURS[index]]
+        plot.series(
+            times, errors[:, index], axis, name=name, deviations=deviations[:, index], colours=colours
+        )
+        axis.set_xlabel("")
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -100,5 +80,5 @@ def pose_error_curves(
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2, fontsize=9)
     figure.align_ylabels()
-    figure.axes[-1].set_xlabel("time (cycles)")
+    figure.axes[-1].set_xlabel(TIME_LABEL)
     save_figure(figure, Path(path))

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from agent.offline.comparison import Comparison
-from agent.views.figures.canvas import (
+from agent.views.figures.canvas import save_figure
+from agent.views.figures.panelchoice import without_tail
+from ciberrato.plaintext import plain
+from ciberrato.plot.canvas import (
     LINE_COLOURS,
     draw_walls,
     label_outer,
     new_figure,
-    save_figure,
     set_lab_axes,
     set_step_axis,
     set_title,
     step_names,
 )
-from agent.views.figures.panelchoice import without_tail
-from ciberrato.plaintext import plain
 from ciberrato.world.lab import CELL_SIZE, Lab
 
 _NOTHING = 0.0005

@@ -17,6 +17,7 @@ from ciberrato.grading.expressions import Formula
 from ciberrato.grading.launch import Launcher
 from ciberrato.grading.outcome import exit_words
 from ciberrato.grading.task import Task
+from ciberrato.reprs import short_repr
 
 PATIENCE = 2.0
 """Seconds that an answer may take, unless told otherwise."""
@@ -38,6 +39,8 @@ class Judged:
     output : str
         The agent's last words.
     """
+
+    __repr__ = short_repr
 
     row: Row
     passed: bool

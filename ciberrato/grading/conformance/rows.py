@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ciberrato.reprs import short_repr
+
 Ending = Literal["any", "itself", "clean"]
 """How the agent has to be at the end of a row: as it likes; ended by itself; ended, and without an error."""
 
@@ -39,6 +41,8 @@ class Row:
     hint : str
         What to look for in the agent when it fails.
     """
+
+    __repr__ = short_repr
 
     name: str
     done: str
@@ -77,12 +81,13 @@ ROWS = (
         "stop-start",
         f"{STOPPED} cycles before Start, {CYCLES} running, Stop for {STOPPED}, Start, {2 * CYCLES} running",
         "it answers every running cycle, and drives again after the pause if it drove before",
-        'look at Start and Stop in <Buttons>: wait while Stop="On" (time stands still), and go on after it',
+        'look at Start and Stop in <Buttons>: wait while Stop="On" (time stands still), and go on after it; '
+        "if it had come to where it wants to stand, choose a longer way by --lab",
     ),
     Row(
         "lost",
         f"after {CYCLES} cycles every third Measures is lost, then ten in a row; then {CYCLES} cycles",
-        "it answers whatever arrives",
+        "it answers whatever arrives; only the first after the ten it may leave to the next",
         "do not take for granted that Time grows by 1: use the difference to the last one",
     ),
     Row(

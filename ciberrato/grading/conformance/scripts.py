@@ -8,12 +8,16 @@ from dataclasses import dataclass
 from ciberrato.grading.conformance.desk import Desk, Fault, Gone
 from ciberrato.grading.conformance.rows import CYCLES, LONG, MOST_UNASKED, QUIET, STOPPED, Ending
 from ciberrato.protocol import Measures, RobotRegistration
+from ciberrato.reprs import short_repr
 
 WHILE_STOPPED = 0.05
 """Seconds that a stopped cycle takes, CycleTime; agents need not answer these."""
 
 _AFTER_RESTART = 5
 """Measures of a new run that an agent may take to notice it."""
+
+_DOUBT = 0.5
+"""Seconds that an answer is waited for which need not come."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,8 @@ class Seen:
     ending : {"any", "itself", "clean"}
         How the agent has to end.
     """
+
+    __repr__ = short_repr
 
     text: str
     ending: Ending = "any"
@@ -133,6 +139,10 @@ class Examination:
                 self._ask(measures)
         for _ in range(10):
             self.desk.compute()
+        # After such a leap an agent may wait for a second message: digits of the first may be spoilt.
+        measures = self.desk.compute()
+        self._deliver(measures)
+        self.desk.answer(min(self._patience, _DOUBT), measures)
         self._run(CYCLES)
         return Seen(f"answered all Measures that were not lost, and {CYCLES} cycles afterwards")
 
@@ -164,7 +174,7 @@ class Examination:
                 measures = self.desk.compute()
                 if number < _AFTER_RESTART:
                     self._deliver(measures)
-                    self.desk.answer(min(self._patience, 0.5), measures)
+                    self.desk.answer(min(self._patience, _DOUBT), measures)
                 else:
                     self._ask(measures)
         except Gone:

@@ -15,6 +15,7 @@ from ciberrato.grading.telling import PROGRAM, shown
 from ciberrato.grading.tournament.matches import matches_of
 from ciberrato.grading.tournament.runner import play, read_matches
 from ciberrato.grading.tournament.table import played, tournament_standings
+from ciberrato.system import descendants
 
 
 def run_tournament(options: argparse.Namespace, course: Course, faults: list[str]) -> int:
@@ -33,6 +34,8 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
     int
         Exit status, as of a grading.
     """
+    if not options.report and descendants.MEASURES != "all":
+        raise UsageError("--tournament: needs Linux, whose /proc tells which agent has registered a robot")
     matches = matches_of(course)
     folder = options.output or options.course.with_suffix("").with_name(f"{options.course.stem}-tournament")
     if options.compare is not None:

@@ -12,8 +12,6 @@ import contextlib
 import json
 import os
 import re
-import selectors
-import signal
 import subprocess
 import sys
 import time
@@ -21,11 +19,21 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ciberrato.errors import CiberratoError
-from ciberrato.grading.supervisor import GRACE, LOOK, SUPERVISOR, Stream, last_run, look_after
+from ciberrato.grading.supervisor import (
+    GRACE,
+    LOOK,
+    SUPERVISOR,
+    Stream,
+    end_simulator,
+    last_run,
+    look_after,
+    start_simulator,
+)
 from ciberrato.net import UdpLink
 from ciberrato.processes import module_command
 from ciberrato.protocol import Start, ViewRegistration, decode_simulator_message, encode
 from ciberrato.system import descendants
+from ciberrato.system.streams import streams
 
 KEEPER = "ciberrato.grading.tournament.keeper"
 _SAID = rb"^ciberrato-simulator: "
@@ -107,7 +115,7 @@ class Match:
     def __init__(self, wanted: Mapping[str, Any]) -> None:
         self._wanted = wanted
         self._limits: Mapping[str, float] = wanted["limits"]
-        self._selector = selectors.DefaultSelector()
+        self._streams = streams()
         self._output = Stream(1 << 18)
         self._orphaned = False
         self._simulator: subprocess.Popen[bytes] | None = None
@@ -131,13 +139,7 @@ class Match:
 
     def _run(self) -> dict[str, Any]:
         self._watch(sys.stdin.buffer, self._parent)
-        self._simulator = subprocess.Popen(
-            self._wanted["simulator"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            preexec_fn=descendants.limiter(seconds=1e9, memory=1 << 40, files=1024, file_size=1 << 32),
-        )
+        self._simulator = start_simulator(self._wanted["simulator"])
         self._watch(self._simulator.stdout, self._output.add)
         self._seats = [
             Seat(number, agent) for number, agent in enumerate(self._wanted["agents"], 1) if agent is not None
@@ -241,7 +243,7 @@ class Match:
     # --- what goes on ---------------------------------------------------------------------------
 
     def _watch(self, stream: Any, take: Callable[[bytes], object]) -> None:
-        self._selector.register(stream, selectors.EVENT_READ, take)
+        self._streams.watch(stream, take)
 
     def _parent(self, data: bytes) -> None:
         self._orphaned = self._orphaned or not data
@@ -262,11 +264,7 @@ class Match:
         return True
 
     def _look(self, seconds: float) -> None:
-        for key, _ in self._selector.select(seconds):
-            data = os.read(key.fd, 1 << 16)
-            key.data(data)
-            if not data:
-                self._selector.unregister(key.fileobj)
+        self._streams.read(seconds)
 
     def _document(self) -> dict[str, Any]:
         self._end()
@@ -293,12 +291,7 @@ class Match:
         until = time.monotonic() + 30.0
         while not self._all_over() and time.monotonic() < until:
             self._look(LOOK)
-        if self._simulator is not None and self._simulator.poll() is None:
-            self._simulator.send_signal(signal.SIGTERM)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._simulator.wait(10.0)
-            self._simulator.kill()
-            self._simulator.wait()
+        end_simulator(self._simulator)
         descendants.end_all(lambda: descendants.descendants(os.getpid()))
 
 

@@ -11,6 +11,7 @@ from ciberrato.files.start_grid import default_grid, read_grid
 from ciberrato.grading.course import Agent, Course, GradedLab
 from ciberrato.grading.task import digest_of, of_agent, of_course, of_lab, plain
 from ciberrato.grading.tournament.schedule import Meeting, schedule
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +29,8 @@ class Match:
     file : str
         Name of its recording, without the suffix.
     """
+
+    __repr__ = short_repr
 
     agents: tuple[Agent, ...]
     lab: GradedLab

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import asdict
@@ -13,8 +12,9 @@ from typing import Any, TextIO
 from ciberrato.errors import LabError
 from ciberrato.grading.course import Course
 from ciberrato.grading.launch import RunError
+from ciberrato.grading.leftovers import temporary_folder
 from ciberrato.grading.outcome import Outcome
-from ciberrato.grading.runner import open_runs, side_by_side
+from ciberrato.grading.runner import add_run, open_runs, side_by_side
 from ciberrato.grading.tournament.launch import MatchLauncher
 from ciberrato.grading.tournament.matches import Match
 from ciberrato.progress import ProgressBar
@@ -70,8 +70,8 @@ def play(
     missing = [match for match in matches if match.key not in done]
     faults: list[str] = []
     bar = ProgressBar(len(missing), progress)
-    with file, tempfile.TemporaryDirectory(prefix="ciberrato-grade-", ignore_cleanup_errors=True) as name:
-        launcher = MatchLauncher(course, sandbox, recordings, Path(name))
+    with file, temporary_folder() as temporary:
+        launcher = MatchLauncher(course, sandbox, recordings, temporary)
 
         def keep(match: Match, future: Future[Parts]) -> None:
             names = [agent.name for agent in match.agents]
@@ -92,7 +92,7 @@ def play(
                     for agent, (outcome, measured) in zip(names, parts, strict=True)
                 ],
             }
-            file.write(json.dumps(document, separators=(",", ":")).encode() + b"\n")
+            add_run(file, document)
             bar.step()
 
         side_by_side(missing, launcher.play, launcher.end, jobs, keep)

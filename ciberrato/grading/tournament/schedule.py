@@ -15,6 +15,8 @@ from itertools import combinations, count, islice, product
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.reprs import short_repr
+
 DRAWS = 4
 """Draws of a round from which the best is taken."""
 
@@ -30,6 +32,8 @@ class Meeting:
     agents : tuple of int
         Indices of agents, in order of the start places.
     """
+
+    __repr__ = short_repr
 
     round: int
     group: int

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ciberrato.reprs import short_repr
+
 if TYPE_CHECKING:
     from ciberrato.grading.fields import Fields
 
@@ -29,6 +31,8 @@ class TournamentSettings:
     points : tuple of float or None
         Of the first place, the second, ...; None = the share of opponents that are beaten, in percent.
     """
+
+    __repr__ = short_repr
 
     robots: int | None = None
     rounds: int | None = None

@@ -20,6 +20,7 @@ from ciberrato.grading.runner import Graded
 from ciberrato.grading.standing import EQUAL, Standing, points_of, standings
 from ciberrato.grading.task import Task
 from ciberrato.grading.tournament.matches import Match
+from ciberrato.reprs import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +39,8 @@ class Played(Graded):
     worth : float
         Its points of the tournament.
     """
+
+    __repr__ = short_repr
 
     match: Match = field(repr=False)
     start: int

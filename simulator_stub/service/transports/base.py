@@ -38,7 +38,7 @@ class Peer(ABC):
     """Whether `closed` tells when the client has gone."""
 
     def __init__(self, label: str) -> None:
-        self.deliver: Callable[[bytes], None] = ignore
+        self.deliver: Callable[[bytes], object] = ignore
         self.label = label
         self.closed = False
         self.ends: Ends | None = None
@@ -101,8 +101,9 @@ class Newcomer(ABC):
         """Let go of a client that does not register."""
 
 
-Welcome = Callable[[Newcomer, bytes], None]
-"""Called with each message that comes from an address that has not registered."""
+Welcome = Callable[[Newcomer, bytes], bool]
+"""Called with each message that comes from an address that has not registered; False for what is evidently no
+registration, and has cost next to nothing."""
 
 
 class Transport(ABC):

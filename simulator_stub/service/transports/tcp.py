@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import socket
-import sys
 from collections.abc import Callable
 
 from ciberrato.protocol import MESSAGE_LIMIT
+from ciberrato.system.limits import descriptors
 from ciberrato.system.sockets import keep_port
 from simulator_stub.service.allowance import CLIENT_BYTES, CONNECTIONS, NEWCOMER_BYTES, Allowance, Meter
 from simulator_stub.service.readiness import Readiness
@@ -61,7 +61,7 @@ class TcpTransport(Transport):
         self._meter = meter
         self._allowance = Allowance(meter, CONNECTIONS)
         self._places = UNREGISTERED_LIMIT
-        self._last_descriptor = _most_descriptors() - RESERVE
+        self._last_descriptor = descriptors() - RESERVE
         readiness.watch(self._socket, self._accept)
 
     def _accept(self) -> None:
@@ -297,13 +297,3 @@ class TcpPeer(Peer):
             self._socket.close()
             self._connections.discard(self)
             self.settled()
-
-
-def _most_descriptors() -> int:
-    """Return how many descriptors this process may have."""
-    try:
-        import resource
-    except ImportError:  # not a Unix: the system has limits of its own
-        return sys.maxsize
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return sys.maxsize if soft == resource.RLIM_INFINITY else soft

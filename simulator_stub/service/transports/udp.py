@@ -13,7 +13,15 @@ import struct
 from ciberrato.protocol import encode
 from ciberrato.protocol.binary import decode_binary_registration, is_binary_registration
 from ciberrato.system.sockets import keep_port
-from simulator_stub.service.allowance import CLIENT_BYTES, LEAST_COST, MAIN_DATAGRAMS, Allowance, Meter
+from simulator_stub.service.allowance import (
+    CLIENT_BYTES,
+    LEAST_COST,
+    MAIN_DATAGRAMS,
+    MAIN_RATE,
+    REGISTRATION_COST,
+    Allowance,
+    Meter,
+)
 from simulator_stub.service.readiness import Readiness
 from simulator_stub.service.transports.base import Newcomer, Peer, Transport, Welcome
 from simulator_stub.service.transports.binary import BinaryNewcomer
@@ -21,7 +29,7 @@ from simulator_stub.service.transports.binary import BinaryNewcomer
 READ_SIZE = 2048
 """Bytes read of a datagram: more than any message may have, so that one too long can be told."""
 
-AT_ONCE = 50
+AT_ONCE = 20
 """Datagrams that are read from the main socket before others have their turn."""
 
 REFUSALS = 100
@@ -59,24 +67,27 @@ class UdpTransport(Transport):
         self._readiness = readiness
         self._welcome = welcome
         self.meter = meter
-        self._allowance = Allowance(meter, MAIN_DATAGRAMS)
+        self._allowance = Allowance(meter, max(MAIN_DATAGRAMS, int(MAIN_RATE * meter.tick_seconds)))
         self._overflow = Overflow(self._socket)
         readiness.watch(self._socket, self._read)
 
     def _read(self) -> None:
-        for _ in range(min(AT_ONCE, self._allowance.left())):
+        if self._allowance.left() <= 0:  # called because of an error, while nothing is to be read
+            self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+            return
+        for _ in range(AT_ONCE):
             try:
                 data, address = self._socket.recvfrom(READ_SIZE)
             except OSError:  # nothing there after all, or an answer that could not be delivered
                 return
-            newcomer = UdpNewcomer(self, address)
+            newcomer: Newcomer = UdpNewcomer(self, address)
             if is_binary_registration(data):
-                self._welcome(BinaryNewcomer(newcomer), encode(decode_binary_registration(data)))
-            else:
-                self._welcome(newcomer, data)
-            if self._allowance.spend(1):
+                newcomer = BinaryNewcomer(newcomer)
+                data = encode(decode_binary_registration(data))
+            if self._allowance.spend(REGISTRATION_COST if self._welcome(newcomer, data) else 1):
                 self._watch_main(reading=False)
                 self.meter.when_renewed(self._allowance, lambda: self._watch_main(reading=True))
+                return
 
     def _watch_main(self, *, reading: bool) -> None:
         assert self._readiness is not None
@@ -126,8 +137,12 @@ class UdpNewcomer(Newcomer):
     def __init__(self, transport: UdpTransport, address: Address) -> None:
         self._transport = transport
         self._address = address
-        self.label = f"udp {address[0]}:{address[1]}"
         self.source = address[0]
+
+    @property
+    def label(self) -> str:  # type: ignore[override]
+        """Return transport and address; most are never shown."""
+        return f"udp {self._address[0]}:{self._address[1]}"
 
     def accept(self) -> Peer:
         """Open a socket for it."""

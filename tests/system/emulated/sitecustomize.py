@@ -11,6 +11,7 @@ EMULATED_TRACES is a folder: a file in it tells that something was used, so that
 """
 
 import asyncio
+import asyncio.unix_events
 import builtins
 import errno
 import io
@@ -243,7 +244,9 @@ def windows_loops():
     asyncio.SelectorEventLoop = type("WindowsSelectorEventLoop", (selector,), no_pipes)
     proactor = type("ProactorEventLoop", (selector,), no_sockets | no_pipes)
     asyncio.ProactorEventLoop = proactor
-    asyncio.DefaultEventLoopPolicy._loop_factory = proactor
+    # Python 3.14 warns of the public name.
+    policy = getattr(asyncio.unix_events, "_DefaultEventLoopPolicy", None) or asyncio.DefaultEventLoopPolicy
+    policy._loop_factory = proactor
 
 
 def windows_processes():
