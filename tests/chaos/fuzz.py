@@ -5,7 +5,8 @@ As a program, each reader for so long, the inputs that reached something new kep
     python -m tests.chaos.fuzz [READER ...] [--seconds 600]
 
 It begins with tests/data/fuzz, which holds a few inputs a reader: right ones, those that
-once did what they must not, and a dozen of the last that reached something new. `tests/chaos/test_fuzz_corpus.py` replays them without Atheris.
+once did what they must not, and a dozen of the last that reached something new.
+`tests/chaos/test_fuzz_corpus.py` replays them without Atheris.
 """
 
 from __future__ import annotations
