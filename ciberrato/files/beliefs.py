@@ -18,8 +18,8 @@ import numpy as np
 from ciberrato.arrays import Floats
 from ciberrato.errors import LabError
 from ciberrato.files.atomic import replace_file
-from ciberrato.files.opening import open_patiently
 from ciberrato.reprs import html_repr, short_repr
+from ciberrato.system.opening import open_patiently
 
 MIN_PRECISION, MAX_PRECISION = 2, 17
 _VALUE = re.compile(r"\S+")

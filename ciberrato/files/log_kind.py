@@ -6,7 +6,7 @@ import gzip
 from pathlib import Path
 
 from ciberrato.errors import LabError
-from ciberrato.files.opening import open_patiently
+from ciberrato.system.opening import open_patiently
 
 GZIP_MAGIC = b"\x1f\x8b"
 

@@ -193,6 +193,9 @@ def _values(element: Element, reader: Reader) -> dict[str, Any]:
         for names, read in kinds:
             if attribute in names:
                 values[names[attribute]] = read(attribute)
+                if attribute == "CycleTime" and element.attributes[attribute].strip() == "0":
+                    taken = "lets cycles follow at once, so that robots miss most of them"
+                    reader.note(element, "no time", "CycleTime is 0", taken, attribute=attribute)
                 break
         else:
             if attribute in _WITHOUT_EFFECT:

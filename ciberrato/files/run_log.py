@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from ciberrato.errors import LabError
-from ciberrato.files.opening import open_patiently
 from ciberrato.files.run_records import FORMAT_VERSION, Cycle, DistanceModel, Preset, RecordedRun, RunHeader
+from ciberrato.system.opening import open_patiently
 from ciberrato.world.parameters import Parameters
 
 if TYPE_CHECKING:

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from ciberrato.errors import LabError, ProtocolError, UsageError
 from ciberrato.files.log_kind import GZIP_MAGIC
-from ciberrato.files.opening import open_patiently
 from ciberrato.files.xml_document import MISMATCH, end_line
 from ciberrato.protocol import Actions, Measures, decode_parameters
 from ciberrato.protocol.lab_text import grid_from_element, lab_from_element
@@ -26,6 +25,7 @@ from ciberrato.protocol.measures_text import measures_from_element
 from ciberrato.protocol.text import required, strict_integer, strict_real
 from ciberrato.protocol.xmltree import Element
 from ciberrato.reprs import short_repr
+from ciberrato.system.opening import open_patiently
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -242,9 +242,7 @@ def _pieces(path: str | Path) -> Iterator[bytes]:
 def _open(path: str | Path) -> BinaryIO:
     with open_patiently(path) as file:
         packed = file.read(2) == GZIP_MAGIC
-    if packed:
-        return gzip.open(path)  # type: ignore[return-value]  # reads like one
-    return open_patiently(path)
+    return gzip.open(path) if packed else open_patiently(path)  # type: ignore[return-value]  # reads like one
 
 
 class _LogParser:

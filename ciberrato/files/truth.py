@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ciberrato.errors import LabError
-from ciberrato.files.opening import open_patiently
+from ciberrato.system.opening import open_patiently
 from ciberrato.world.coordinates import Cell, PoseInDegrees
 from ciberrato.world.lab import CELL_SIZE
 

@@ -16,9 +16,9 @@ from typing import Any
 
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.findings import Finding
-from ciberrato.files.opening import open_patiently
 from ciberrato.files.xml_document import Element
 from ciberrato.reprs import short_repr
+from ciberrato.system.opening import open_patiently
 
 MAX_FILE_SIZE = 16 * 2**20
 """Bytes; a larger file is refused before it is parsed."""

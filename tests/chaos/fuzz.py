@@ -4,8 +4,9 @@ As a program, each reader for so long, the inputs that reached something new kep
 
     python -m tests.chaos.fuzz [READER ...] [--seconds 600]
 
-It begins with tests/data/fuzz, which holds a few inputs a reader: those that once did what they must not, and
-the smallest that together reach what all did. `tests/chaos/test_fuzz_corpus.py` replays them without Atheris.
+It begins with tests/data/fuzz, which holds a few inputs a reader: right ones, those that
+once did what they must not, and a dozen of the last that reached something new.
+`tests/chaos/test_fuzz_corpus.py` replays them without Atheris.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ READERS = (
     *("from_clients", "from_simulator", "binary", "overlay", "course"),
 )
 MOST_SECONDS = 10
-"""For one input of at most `MOST_BYTES`: the slowest take a tenth of a second."""
+"""For one input of at most `MOST_BYTES`; wide, for a machine that is busy with other things."""
 MOST_BYTES = 4096
 
 

@@ -113,7 +113,7 @@ def test_the_program_says_each_fault_and_ends_with_status_2(tmp_path, good):
     assert len(lines) == 2
     assert all(line.startswith(f"ciberrato-grade: {path}: ") for line in lines)
     assert not (tmp_path / "course-report").exists()
-    assert "cannot be read" in run(tmp_path / "none.toml", expect=2).stderr
+    assert "no such file" in run(tmp_path / "none.toml", expect=2).stderr
 
 
 def test_a_runs_key_changes_with_all_that_decides_it_and_with_nothing_else(tmp_path, good):

@@ -14,7 +14,6 @@ from lxml import etree
 from ciberrato.checks.files import check_files
 from ciberrato.checks.schema import schema_file
 from ciberrato.errors import LabError, UsageError
-from ciberrato.files import opening
 from ciberrato.files.lab import MOST, parse_lab
 from ciberrato.files.parameters import parse_parameter_file, parse_parameters
 from ciberrato.files.run_log import read_run
@@ -22,6 +21,7 @@ from ciberrato.files.xml import MAX_FINDINGS, read_file
 from ciberrato.files.xml_document import MAX_ATTRIBUTES, MAX_TAGS
 from ciberrato.grading.course import CourseError, read_course
 from ciberrato.labtool.cli import main
+from ciberrato.system import opening
 
 WALL = '<Wall><Corner X="1" Y="1"/><Corner X="2" Y="1"/><Corner X="2" Y="2"/></Wall>'
 ROUND = "".join(

@@ -37,7 +37,7 @@ LIBRARY = {
     "bayes": {"reprs"},
     "infrared": SHAPES | {"bayes"},
     "protocol": WORLD,
-    "files": WORLD | {"geometry", "protocol"},
+    "files": WORLD | {"geometry", "protocol", "system"},
     "overlay": {"arrays", "errors", "reprs"},
     "net": {"errors", "overlay", "protocol", "reprs", "system"},
     "client": WORLD | {"files", "labs", "localization", "net", "protocol", "system"},

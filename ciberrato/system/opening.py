@@ -31,7 +31,11 @@ def open_patiently(path: str | Path) -> BinaryIO:
     OSError
         As `open`; while reading, ``ETIMEDOUT`` where a pipe stays silent.
     """
-    if not hasattr(os, "O_NONBLOCK") or not stat.S_ISFIFO(os.stat(path).st_mode):
+    try:
+        pipe = hasattr(os, "O_NONBLOCK") and stat.S_ISFIFO(os.stat(path).st_mode)
+    except OSError:  # `open` says why
+        pipe = False
+    if not pipe:
         return open(path, "rb")
     return io.BufferedReader(_Pipe(os.open(path, os.O_RDONLY | os.O_NONBLOCK)))
 
