@@ -66,7 +66,8 @@ class Outcome:
     def __str__(self) -> str:
         return (
             f"{self.collisions:3d} collisions, {self.turns:.2f} turns, "
-            f"{self.wrong} of {self.sure} sure poses wrong, {self.missed} of {self.cycles} cycles not answered, {self.driven:.1f} units driven"
+            f"{self.wrong} of {self.sure} sure poses wrong, "
+            f"{self.missed} of {self.cycles} cycles not answered, {self.driven:.1f} units driven"
         )
 
 
