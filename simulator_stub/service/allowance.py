@@ -32,8 +32,8 @@ MAIN_RATE = 100_000
 """Datagrams a second that are read at the main port, about as many as a program sends that does nothing else.
 
 A flood keeps the system's buffer full, and what comes while it is full is lost: a registration is heard with
-the probability that there is room, which is the share of the flood that is read. Each costs 2 microseconds if
-it is no registration, so that a flood takes at most a fifth of a core.
+the probability that there is room, which is the share of the flood that is read. Each costs 1.5 microseconds
+if it is no registration, so that a flood takes at most 15 % of a core.
 """
 
 MAIN_DATAGRAMS = 1000
