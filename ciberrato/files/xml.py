@@ -104,7 +104,7 @@ class Reader:
                 raise LabError(finding.found, source=self.source, line=finding.line, findings=found)
 
     def real(self, element: Element, attribute: str, default: float) -> float:
-        """Value of an attribute that should hold a real number; 0 where it does not.
+        """Read an attribute that should hold a real number; 0 where it does not.
 
         A number that is infinite or not a number, or too large for a double, is refused.
         """

@@ -114,7 +114,7 @@ def _check_counts(data: bytes, source: str, what: str) -> None:
     data = data.replace(b"\0", b"")  # of UTF-16
     tags = data.count(b"<")
     if tags > MAX_TAGS:
-        problem = f"has {tags} tags, {MAX_TAGS} at the most; give {what} file"
+        problem = f"has {tags} tags, {MAX_TAGS} at most; give {what} file"
         raise LabError(problem, source=source, line=1)
     line = 1
     for piece in data.split(b"<"):

@@ -104,7 +104,7 @@ def poses(
     lab : Lab, optional
         Whose walls to draw.
     most : int
-        Arrows, at the most.
+        Arrows, at most.
     legend : bool, optional
         Whether to add a colour bar, if weights differ; default: in a new figure.
 
@@ -158,7 +158,7 @@ def poses(
 
 
 def probability_scale(most: float = 1.0) -> Any:
-    """Make the colour scale of all beliefs: a square root keeps small masses visible beside a certain cell.
+    """Create the colour scale of all beliefs: a square root keeps small masses visible beside a certain cell.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def probability_scale(most: float = 1.0) -> Any:
 
 
 def ring_cell(axis: Any, cell: Cell) -> list[Any]:
-    """Put a ring around a cell's centre; white under red shows on every colour of the belief.
+    """Draw a ring around a cell's centre; white under red shows on every colour of the belief.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ _MOST_TITLE = 100
 
 
 def new_figure(width: float, height: float, *, layout: Layout = "constrained") -> Any:
-    """Make an empty figure that needs no screen.
+    """Create an empty figure that needs no screen.
 
     Parameters
     ----------
@@ -182,6 +182,6 @@ def start_map(ax: Any, width: float, height: float) -> tuple[Any, bool]:
 
 
 def add_legend(ax: Any) -> None:
-    """Put a legend below the axes, beside the data."""
+    """Draw a legend below the axes, beside the data."""
     if ax.get_legend_handles_labels()[1]:
         ax.figure.legend(loc="outside lower center", ncols=2, fontsize=LABEL_SIZE)

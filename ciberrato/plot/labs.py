@@ -190,7 +190,7 @@ def readings(
 
 
 def reading_scale(values: Floats) -> Any:
-    """Make the logarithmic colour scale of readings: from 0.02 to 10 at most.
+    """Create the logarithmic colour scale of readings: from 0.02 to 10 at most.
 
     Returns
     -------

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable
 
 CLIENT_BYTES = 8192
-"""Of a registered client: five to ten times what the most talkative agents send in a cycle."""
+"""Of a registered client: five to ten times what most talkative agents send in a cycle."""
 
 NEWCOMER_BYTES = 2048
 """Of a connection without a registration: two registrations of the longest kind."""
@@ -37,7 +37,7 @@ if it is no registration, so that a flood takes at most 15 % of a core.
 """
 
 MAIN_DATAGRAMS = 1000
-"""Datagrams at the main port at the least, however short the time between renewals is."""
+"""Datagrams at the main port at least, however short the time between renewals is."""
 
 REGISTRATION_COST = 20
 """Datagrams that one counts for that may be a registration: reading it takes so much longer."""
@@ -80,7 +80,7 @@ class Meter:
     now : float
         When the meter was last advanced.
     tick_seconds : float
-        Seconds at the least from one renewal by the clock to the next.
+        Seconds at least from one renewal by the clock to the next.
     """
 
     def __init__(

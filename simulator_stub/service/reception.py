@@ -57,7 +57,7 @@ class Reception:
         return bool(self._waiting)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
-        """Take a message of a client that has not registered.
+        """Process a message of a client that has not registered.
 
         Parameters
         ----------

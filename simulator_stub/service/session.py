@@ -132,7 +132,7 @@ class Session:
         self._grid = encode(simulation.world.grid)
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
-        """Take a message of a client that has not registered; a registration is answered in a cycle.
+        """Process a message of a client that has not registered; a registration is answered in a cycle.
 
         Returns
         -------

@@ -156,7 +156,7 @@ def test_readings_with_a_longest_range_have_probabilities_that_sum_to_one():
     model = QuantizedGaussian(sigma=0.3, step=0.1, max_range=2.0, signed=True)
     below = np.arange(-30, 20) * 0.1
     for mean in (0.3, 1.9, 2.6):
-        # The last interval is cut at the longest range, half a step above its middle.
+        # The last interval is cut at most range, half a step above its middle.
         total = np.exp(model.beam_log_likelihood(below, mean)).sum()
         rest = stats.norm.cdf(2.0, mean, 0.3) - stats.norm.cdf(1.95, mean, 0.3)
         assert total + rest + np.exp(model.beam_log_likelihood(np.inf, mean)) == pytest.approx(1.0, abs=1e-12)

@@ -253,7 +253,7 @@ def test_cells_may_differ_in_x_and_y(model, control):
     np.testing.assert_allclose(got.mean[:2], start[:2] + 0.5 * along, atol=1e-5)
     chord = 0.1 * (math.sin(0.3) / 0.3 if isinstance(model, VelocityMotion) else 1.0)
     added = got.covariance[:2, :2] - chord**2 * np.outer(along, along)
-    # A quarter of a square cell at the most, either way.
+    # A quarter of a square cell at most, either way.
     assert -1e-4 <= added[0, 0] <= 0.25 * 0.05**2 + 1e-5
     assert -1e-4 <= added[1, 1] <= 0.25 * 0.2**2 + 1e-5
 
@@ -304,7 +304,7 @@ def test_lattice_kernels_have_the_moments_asked_for():
     rest = np.abs(mean - np.rint(mean))
     small = np.maximum(covariance[:, 0, 0], covariance[:, 1, 1]) <= 0.5
     trace = np.trace(added, axis1=1, axis2=2)
-    # r (1 - r) must be added, less the variance there is; at the most all of it, and a little for thin ones.
+    # r (1 - r) must be added, less the variance there is; at most all of it, and a little for thin ones.
     most = (rest * (1.0 - rest)).sum(axis=1)
     second = np.trace(covariance, axis1=1, axis2=2) + np.square(rest).sum(axis=1)
     assert (trace[small] >= -1e-9).all()

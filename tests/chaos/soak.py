@@ -294,7 +294,7 @@ def check_files(folder: Path, runs: int, seen: Seen) -> None:
         for row in rows:
             robot, cycle = int(row[1]), int(row[0])
             times.setdefault(robot, []).append(cycle)
-            if cycle > 1:  # motors: 0.15 units a cycle at the most, and their noise
+            if cycle > 1:  # motors: 0.15 units a cycle at most, and their noise
                 moved = abs(float(row[2]) - float(last[robot][2])) + abs(
                     float(row[3]) - float(last[robot][3])
                 )

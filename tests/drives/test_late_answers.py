@@ -86,7 +86,7 @@ def explore(
 
 
 def longest_stay(poses: np.ndarray, known: list[bool]) -> int:
-    """Cycles within 0.3 units while the pose was known, at the most."""
+    """Cycles within 0.3 units while the pose was known, at most."""
     longest = first = 0
     for number, pose in enumerate(poses):
         while np.hypot(*(pose[:2] - poses[first, :2])) > 0.3:

@@ -33,7 +33,7 @@ ROUND = "".join(
     ("inside", "problem"),
     [
         (WALL * (MOST["walls"] + 1), "more than 10000 walls"),
-        ("<Wall/>" * 1_000_000, f"has 1000002 tags, {MAX_TAGS} at the most"),
+        ("<Wall/>" * 1_000_000, f"has 1000002 tags, {MAX_TAGS} at most"),
         (f"<Wall>{ROUND}</Wall>", "more than 1000 corners of a wall"),
         ('<Beacon X="5" Y="5"/>' * 5000, "more than 500 beacons"),
         ('<Target X="5" Y="5"/>' * 5000, "more than 500 targets"),

@@ -302,7 +302,7 @@ def test_a_browser_that_does_not_read_costs_nobody_anything() -> None:
                 simulator.say(status(n, name=f"{n}" + 20_000 * "x"))  # every name is news, and long
                 await until(good, frame_at(n))
             waiting = sorted(len(one.outbox) for one in server._browsers)
-            # 1.2 MB were news. The slow one is owed at the most one of each: world, status, roster, frame.
+            # 1.2 MB were news. The slow one is owed at most one of each: world, status, roster, frame.
             assert 1 <= waiting[-1] <= 4
             held = sum(len(text) for one in server._browsers for text in one.outbox._news.values())
             assert held < 2 * 25_000

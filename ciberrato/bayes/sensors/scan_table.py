@@ -158,7 +158,7 @@ class ScanTable:
         Returns
         -------
         ndarray of float32, shape (x, y, heading) or (n,)
-            -inf where the robot cannot be; a beam counts -1e4 at the least. Sums of 200 beams are right to
+            -inf where the robot cannot be; a beam counts -1e4 at least. Sums of 200 beams are right to
             0.01.
 
         Raises

@@ -2,7 +2,7 @@
 
 A thread would hold the interpreter's lock against the agent's loop, whose cycle is 50 ms. The request comes
 pickled on standard input from the parent process; the tables go to a file, the progress to standard
-output, a number a line, and behind that the most memory held, in megabytes.
+output, a number a line, and behind that most memory held, in megabytes.
 """
 
 from __future__ import annotations
