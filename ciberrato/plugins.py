@@ -199,7 +199,7 @@ def models(group: str) -> dict[str, type]:
 
 
 def failure(label: str, error: BaseException) -> UsageError:
-    """Say in a line what a part raised, and where: in which line that is neither Python's nor ours."""
+    """Return in a line what a part raised, and where: in which line that is neither Python's nor ours."""
     frames = [one for one in traceback.extract_tb(error.__traceback__) if _is_foreign(one.filename)]
     place = f" ({os.path.basename(frames[-1].filename)}:{frames[-1].lineno})" if frames else ""
     words = " ".join(str(error).split())

@@ -80,7 +80,7 @@ def _figure_html(figure: Any, caption: str) -> str:
 
 
 def _map_figure(width: float, height: float) -> Any:
-    """Make a figure for a map, or None where its shape is none that could be seen."""
+    """Create a figure for a map, or None where its shape is none that could be seen."""
     if not (width > 0.0 and height > 0.0 and _LEAST_SHAPE <= height / width <= 1.0 / _LEAST_SHAPE):
         return None
     scale = min((MOST_INCHES - 1.0) / width, (MOST_INCHES - 1.5) / height)

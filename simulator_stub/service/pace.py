@@ -155,7 +155,7 @@ class Lockstep(Pace):
         super().__init__(session, period, clock=clock)
         self.limit = limit
         self._adaptive = adaptive
-        # A user who says how long to wait for an answer means the first one, too, unless that is without limit.
+        # A user who says how long to wait for an answer means the first one, too, unless it is infinite.
         self._idle_limit = min(limit, IDLE_LIMIT) if adaptive or limit == math.inf else limit
         self._notify = notify
         self._real_period = session.simulation.world.parameters.cycle_time / 1000.0
