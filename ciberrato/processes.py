@@ -51,7 +51,7 @@ def leave_working_folder() -> None:
 
 
 def come_first() -> None:
-    """Allow folders of PYTHONPATH come after ours: a user's ``agent.py`` there would be imported as `agent`."""
+    """Sort folders of PYTHONPATH behind ours: a user's ``agent.py`` there would be imported as `agent`."""
     users = {os.path.abspath(one) for one in os.environ.get("PYTHONPATH", "").split(os.pathsep)}
     users.discard(str(ROOT))
     sys.path.sort(key=lambda one: os.path.abspath(one) in users)  # a stable sort
