@@ -7,7 +7,6 @@ from typing import Any
 
 from ciberrato.localization.evidence.start_prior import FORMS, StartPrior
 from ciberrato.localization.records import FilterSettings
-from ciberrato.localization.tables.worker import TableWorker
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 
@@ -57,8 +56,8 @@ def check_arguments(
         check_seconds("budget", budget)
         if not budget > 0.0:
             raise ValueError(f"budget: {budget!r} seconds leave no time for any message")
-    if tables is not None and not isinstance(tables, TableWorker):
-        raise ValueError(f"tables: {tables!r:.60} is not a TableWorker")
+    if tables is not None and not (hasattr(tables, "coarse") and hasattr(tables, "fine")):
+        raise ValueError(f"tables: {tables!r:.60} is not a TableWorker, nor like one")
     if not callable(clock):
         raise ValueError(f"clock: {clock!r:.60} is no function that returns seconds")
     return found

@@ -202,8 +202,8 @@ def test_gaps_in_ordered_ranges_may_be_any_landmarks(seed, count, gaps):
 def test_a_landmark_that_is_none_is_refused():
     sensor = LandmarkSensor(landmarks=((0.0, 0.0), (1.0, 1.0)), range_sigma=0.1)
     for which, ranges, words in (
-        ([-1], [1.0], "no -1"),
-        ([2], [1.0], "no 2"),
+        ([-1], [1.0], "no landmark -1"),
+        ([2], [1.0], "no landmark 2"),
         ([0.5], [1.0], "whole numbers"),
         ([0], [0.5, 0.7], "agree"),
         ([0, 1], [0.5], "agree"),

@@ -29,9 +29,10 @@ def test_it_builds_without_a_warning_and_without_the_network(tmp_path):
     words = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", "-d", str(tmp_path / "trees")]
     environment = {**os.environ, "http_proxy": "http://127.0.0.1:9", "https_proxy": "http://127.0.0.1:9"}
     source = tmp_path / "docs"
-    (tmp_path / "CHANGELOG.md").write_bytes((ROOT / "CHANGELOG.md").read_bytes())
+    for name in ("CHANGELOG.md", "SECURITY.md"):
+        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
     subprocess.run(["cp", "-r", str(ROOT / "docs"), str(source)], check=True)
-    for name in ("ciberrato", "agent", "simulator_stub", "maps"):
+    for name in ("ciberrato", "agent", "simulator_stub", "maps", "examples"):
         (tmp_path / name).symlink_to(ROOT / name)
     done = subprocess.run(
         [*words, str(source), str(tmp_path / "site")], capture_output=True, text=True, env=environment

@@ -38,7 +38,7 @@ def test_a_course_is_read_with_its_defaults(tmp_path, good):
     ("text", "what"),
     [
         ("seeds = 0\n", "seeds: a list of whole numbers"),
-        ("seeds = [1, 1]\n", "a seed is there more than once"),
+        ("seeds = [1, 1]\n", "a seed occurs more than once"),
         ("seeds = [9223372036854775808]\n", "seeds: a list of whole numbers from 0 to 9223372036854775807"),
         ("[limits]\nfiles = 99999999999999999999\n", "limits: files: a whole number from 1 to 1e+09"),
         ("pace = 'fast'\n", "pace: one of lockstep, realtime"),
@@ -48,7 +48,7 @@ def test_a_course_is_read_with_its_defaults(tmp_path, good):
         ("[points]\nformula = 'skore'\n", "unknown name 'skore'; the names are:"),
         ("[limits]\nmemory = 'much'\n", "limits: memory: a whole number from 1"),
         ("[limits]\nmemori = 1\n", "limits: unknown entry 'memori'"),
-        ("readable = ['nowhere']\n", "readable: no such file or folder"),
+        ("readable = ['nowhere']\n", "readable: there is no "),
     ],
 )
 def test_each_fault_is_a_line_that_names_its_place(tmp_path, good, text, what):
@@ -67,7 +67,7 @@ def test_each_fault_is_a_line_that_names_its_place(tmp_path, good, text, what):
         (LAB + "[[agent]]\ncommand = 'x'\n", "agent 1: name: is missing"),
         (LAB + "[[agent]]\nname = 'x'\ncommand = 'x {hots}'\n", "these can be filled in: {host}"),
         (LAB + "[[agent]]\nname = 'x'\ncommand = \"x 'y\"\n", "No closing quotation"),
-        (LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nfolder = 'nowhere'\n", "no such folder: "),
+        (LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nfolder = 'nowhere'\n", "there is no folder "),
         (LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nfolder = '.'\n", "holds the course itself"),
         (LAB + "[[agent]]\nname = 'x'\ncommand = 'x'\nbuild = 'make'\n", "build: needs a folder"),
         (LAB + 2 * "[[agent]]\nname = 'x'\ncommand = 'x'\n", "'x' occurs more than once"),

@@ -151,7 +151,7 @@ def test_users_other_than_root_have_the_same_sandbox(stranger):
 @pytest.mark.slow
 def test_an_agent_that_thinks_too_long_loses_the_cycle_and_not_others_time(tmp_path, walls):
     write(tmp_path, "robot", ROBOT)
-    # Counts for longer than the limit, once: the cycles go on without it, and its answers come late.
+    # Counts for longer than the limit, once: the cycles go on without it.
     thinking = ROBOT.replace("            robot.drive", THINKS + "            robot.drive")
     write(tmp_path, "thinking", thinking)
     path = tmp_path / "course.toml"
@@ -165,8 +165,8 @@ def test_an_agent_that_thinks_too_long_loses_the_cycle_and_not_others_time(tmp_p
     assert (alone["answered"], alone["unanswered"], alone["late"]) == ("60", "0", "0")
     late = both["thinking"]
     assert late["status"] == "time over"
+    # Its robot answers the newest Measures only: what it has skipped stays unanswered.
     assert int(late["unanswered"]) >= 1
-    assert int(late["late"]) >= 1
     assert int(late["answered"]) + int(late["unanswered"]) == 60
 
 

@@ -115,7 +115,7 @@ def test_parts_go_by_where_they_are_too_and_by_folder(tmp_path, monkeypatch):
     (tmp_path / "agent.py").write_text("raise RuntimeError('not ours')")
     monkeypatch.setenv("CIBERRATO_CACHE", str(tmp_path / "cache"))
     said = refused(tmp_path, "ciberrato-simulator", "--sensor", "here:Odometr", "--port", "0")
-    assert "sensor here:Odometr: there is no 'Odometr' in here; did you mean 'Odometer'?" in said
+    assert "sensor here:Odometr: here has no 'Odometr'; did you mean 'Odometer'?" in said
     text = "import agent, ciberrato.plugins as p; print(p._import('here').Odometer.name, agent.__file__)"
     program = [sys.executable, "-P", "-c", text]
     done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=True)
