@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help setup locked lock demo examples docs test quick lint chaos chaos-long fuzz conformance accuracy bench figures release clean
+.PHONY: help setup locked lock demo examples docs test thorough quick lint chaos chaos-long fuzz conformance accuracy bench figures release clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -44,8 +44,11 @@ lint: $(VENV)/.stamp  ## ruff, codespell and mypy
 quick: $(VENV)/.stamp  ## the tests that take less than a few seconds each
 	$(BIN)/python -m pytest -n auto -m "not slow and not chaos_long"
 
-test: lint  ## everything CI runs, on every core
-	$(BIN)/python -m pytest -n auto -m "not chaos_long"
+test: lint  ## the tests, on every core, after ruff, codespell and mypy; CI runs `make thorough` on top
+	$(BIN)/python -m pytest -n auto -m "not thorough and not chaos_long"
+
+thorough: $(VENV)/.stamp  ## whole courses, other systems, bad neighbours, environments over thousands of steps; CI runs it, too
+	$(BIN)/python -m pytest -n auto -m "thorough and not chaos_long"
 
 chaos: $(VENV)/.stamp  ## bad networks, hostile clients, full disks: the part that CI runs, one test at a time
 	$(BIN)/python -m pytest tests/chaos -m "not chaos_long"

@@ -22,6 +22,16 @@ def pytest_configure() -> None:
             raise pytest.UsageError(f"{variable}={folder}: no such folder; name another, or unset it")
 
 
+WHOLE_PROGRAMS = {"chaos", "conformance", "grading", "gym", "system", "testing"}
+"""Folders whose slow tests run programs to their end, many times: `make thorough`, and CI after `make test`."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.get_closest_marker("slow") and item.path.parent.name in WHOLE_PROGRAMS:
+            item.add_marker("thorough")
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     for mark in item.iter_markers("recordings"):
         if mark.args[0]:
