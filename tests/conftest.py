@@ -23,7 +23,7 @@ def pytest_configure() -> None:
 
 
 WHOLE_PROGRAMS = {"chaos", "conformance", "grading", "gym", "system", "testing"}
-"""Folders whose slow tests run programs to their end, many times: `make thorough`, and CI after `make test`."""
+"""Folders whose slow tests run programs to their end, many times: for `make thorough`, and CI."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
