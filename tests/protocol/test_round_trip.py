@@ -57,6 +57,8 @@ def six_digits(value):
 
 reals = st.floats(allow_nan=False).map(six_digits)
 finite = st.floats(allow_nan=False, allow_infinity=False)
+lengths = finite.map(six_digits)
+deviations = st.floats(min_value=0.0, allow_infinity=False).map(six_digits)
 integers = st.integers(-(2**31), 2**31 - 1)
 counts = st.integers(0, 2**32 - 1)
 small = st.integers(0, 2**31 - 1)
@@ -142,7 +144,7 @@ parameters = st.builds(
     **{name: counts for name, kind in Parameters.__annotations__.items() if kind == "int"},
     **{name: st.booleans() for name, kind in Parameters.__annotations__.items() if kind == "bool"},
     **{
-        name: reals
+        name: deviations if name.endswith("_noise") else reals
         for name, kind in Parameters.__annotations__.items()
         if kind == "float" and name not in ("line_sensor_true_probability", "beacon_aperture")
     },
@@ -153,8 +155,8 @@ parameters = st.builds(
 labs = st.builds(
     Lab,
     name=texts,
-    width=reals,
-    height=reals,
+    width=lengths,
+    height=lengths,
     beacons=st.lists(st.builds(Beacon, x=reals, y=reals, height=reals), max_size=2).map(tuple),
     targets=st.lists(st.builds(Target, x=reals, y=reals, radius=reals), max_size=2).map(tuple),
     walls=st.lists(

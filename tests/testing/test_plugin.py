@@ -296,7 +296,7 @@ def test_seeds_of_a_test_without_runs_are_a_mistake(project):
     ("call", "words"),
     [
         ("'x', lab='mazze'", "'mazze' is neither a file nor a lab that ships"),
-        ("'x', laps=3", "ciberrato_run: unknown option 'laps'; did you mean 'lab'?"),
+        ("'x', labs=3", "ciberrato_run: unknown option 'labs'; did you mean 'lab'?"),
         ("'x', scoring=9", "scoring=9: no such mode"),
         ("'x', settings={'SimTimes': 3}", "SimTimes"),
         ("'x', folder='nowhere'", "folder='nowhere': no such folder"),

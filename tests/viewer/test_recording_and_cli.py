@@ -226,7 +226,7 @@ def test_options_that_a_simulators_log_does_not_need_are_refused(arguments, word
 
 def test_angles_are_not_said_for_an_agents_log(log, capsys):
     assert main(["--run", str(log), "--angles", "0,60,-60,180"]) == 2
-    assert "an agent's log holds" in capsys.readouterr().err
+    assert "an agent's log tells how" in capsys.readouterr().err
 
 
 def test_what_begins_like_a_log_and_is_none_is_refused(tmp_path, capsys):
