@@ -22,7 +22,7 @@ def pytest_configure() -> None:
             raise pytest.UsageError(f"{variable}={folder}: no such folder; name another, or unset it")
 
 
-WHOLE_PROGRAMS = {"chaos", "conformance", "grading", "gym", "system", "testing"}
+WHOLE_PROGRAMS = {"chaos", "conformance", "grading", "gym", "structure", "system", "testing"}
 """Folders whose slow tests run programs to their end, many times: for `make thorough`, and CI."""
 
 
