@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -32,6 +31,7 @@ from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.pose_tables import COARSE
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.reprs import short_repr
+from ciberrato.system.process import processors
 from ciberrato.world.coordinates import Cell
 from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
@@ -126,7 +126,7 @@ def compare_with_published(tasks: Sequence[LabTask], *, jobs: int = 0) -> Iterat
     Compared
         In the order of the tasks.
     """
-    workers = min(jobs or os.cpu_count() or 1, len(tasks))
+    workers = min(jobs or processors(), len(tasks))
     if workers <= 1:
         yield from map(compare_in_lab, tasks)
         return

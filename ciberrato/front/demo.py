@@ -17,15 +17,15 @@ from pathlib import Path
 from typing import IO
 
 from agent.offline.summary import step_table
-from ciberrato.command_line import ProgramParser
-from ciberrato.errors import CiberratoError, UsageError
+from ciberrato.command_line import ProgramParser, run_program
+from ciberrato.errors import UsageError
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.lab import read_lab
 from ciberrato.files.run_log import read_run
 from ciberrato.files.truth import read_truth, true_cells
 from ciberrato.labs import find_lab
 from ciberrato.processes import module_command
-from ciberrato.system.process import interrupt, interruptible, output_has_gone
+from ciberrato.system.process import interrupt, interruptible
 
 LAB = "standard"
 PATIENCE = 60.0
@@ -52,19 +52,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--folder", type=Path, default=Path("demo"), help="folder of the files; default: demo"
     )
-    try:
-        options = parser.parse_args(argv)
-        return demonstrate(options.folder, options.seed)
-    except CiberratoError as error:
-        print(f"ciberrato demo: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        if not output_has_gone(error):
-            raise
-        return 0
-    except KeyboardInterrupt:
-        print("ciberrato demo: interrupted", file=sys.stderr)
-        return 130
+
+    def body() -> int:
+        try:
+            options = parser.parse_args(argv)
+            return demonstrate(options.folder, options.seed)
+        except KeyboardInterrupt:
+            print("ciberrato demo: interrupted", file=sys.stderr)
+            return 130
+
+    return run_program("ciberrato demo", body)
 
 
 def demonstrate(folder: Path, seed: int) -> int:

@@ -83,13 +83,41 @@ def read_runs(path: Path) -> dict[str, tuple[Outcome, dict[str, Any]]]:
     LabError
         If a line other than the last is no run.
     """
-    done: dict[str, tuple[Outcome, dict[str, Any]]] = {}
+    return read_kept(path, outcome_of)
+
+
+def outcome_of(document: dict[str, Any]) -> tuple[Outcome, dict[str, Any]]:
+    """Return outcome and measurements of an agent from what was kept of a run."""
+    return Outcome(**document["outcome"]), dict(document["measured"])
+
+
+def read_kept(path: Path, content: Callable[[dict[str, Any]], T]) -> dict[str, T]:
+    """Read a file of runs, a line of JSON each; a torn last line is left out.
+
+    Parameters
+    ----------
+    path : Path
+        A file that is not there holds nothing.
+    content : callable
+        Returns what is wanted of a line's document.
+
+    Returns
+    -------
+    dict
+        By the lines' keys.
+
+    Raises
+    ------
+    LabError
+        If a line other than the last is no run.
+    """
+    done: dict[str, T] = {}
     if not path.exists():
         return done
     for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], 1):
         try:
             document = json.loads(line)
-            done[document["key"]] = Outcome(**document["outcome"]), dict(document["measured"])
+            done[document["key"]] = content(document)
         except (ValueError, KeyError, TypeError) as error:
             raise LabError(f"not a run: {error}; delete the line", source=str(path), line=number) from None
     return done

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,17 +21,13 @@ def lock(path: Path) -> int | None:
     OSError
         If it cannot be opened.
     """
-    try:
-        import fcntl
-    except ImportError:
+    if _flock() is None:
         return None
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None
-    return descriptor
+    if _locked(descriptor):
+        return descriptor
+    os.close(descriptor)
+    return None
 
 
 def is_anothers(path: Path) -> bool:
@@ -55,14 +52,27 @@ def hold(file: BinaryIO) -> bool:
     bool
         False if another holds it; True also where the system or the disk knows no such locks.
     """
+    return _locked(file.fileno()) is not False
+
+
+def _locked(descriptor: int) -> bool | None:
+    """Lock an open file; return False if another holds it, None where there are no such locks."""
+    flock = _flock()
+    if flock is None:
+        return None
     try:
-        import fcntl
-    except ImportError:
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        flock(descriptor)
     except BlockingIOError:
         return False
     except OSError:
-        return True
+        return None
     return True
+
+
+def _flock() -> Callable[[int], None] | None:
+    """Return the function that locks a descriptor for this process alone, if the system has it."""
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    return lambda descriptor: fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

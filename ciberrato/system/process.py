@@ -126,14 +126,3 @@ def reader_has_gone(error: OSError) -> bool:
     return isinstance(error, BrokenPipeError) or (
         _OWN_GROUP is not None and error.errno == errno.EINVAL and error.filename is None
     )
-
-
-def output_has_gone(error: OSError) -> bool:
-    """Return whether the reader of standard output has ended; what is still buffered is then dropped.
-
-    What is buffered must not complain at exit.
-    """
-    gone = reader_has_gone(error)
-    if gone:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return gone

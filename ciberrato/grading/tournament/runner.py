@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from ciberrato.errors import LabError
 from ciberrato.grading.course import Course
 from ciberrato.grading.launch import RunError
 from ciberrato.grading.leftovers import temporary_folder
 from ciberrato.grading.outcome import Outcome
-from ciberrato.grading.runner import add_run, open_runs, side_by_side
+from ciberrato.grading.runner import add_run, open_runs, outcome_of, read_kept, side_by_side
 from ciberrato.grading.tournament.launch import MatchLauncher
 from ciberrato.grading.tournament.matches import Match
 from ciberrato.progress import ProgressBar
@@ -40,18 +38,7 @@ def read_matches(path: Path) -> dict[str, Parts]:
     LabError
         If a line other than the last is no run.
     """
-    done: dict[str, Parts] = {}
-    if not path.exists():
-        return done
-    for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], 1):
-        try:
-            document = json.loads(line)
-            done[document["key"]] = [
-                (Outcome(**part["outcome"]), dict(part["measured"])) for part in document["agents"]
-            ]
-        except (ValueError, KeyError, TypeError) as error:
-            raise LabError(f"not a run: {error}; delete the line", source=str(path), line=number) from None
-    return done
+    return read_kept(path, lambda document: [outcome_of(part) for part in document["agents"]])
 
 
 def play(
