@@ -324,6 +324,7 @@ class LiveMethod:
         """Close the method, see `Method.close`."""
         if self._tables is not None:
             self._tables.stop()
+            self._tables.join_processes()  # the program's end would leave their scratch folder
         self._published.close()
 
 

@@ -3,6 +3,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+import tempfile
+import threading
 from statistics import NormalDist
 
 import numpy as np
@@ -259,3 +261,32 @@ def test_the_worker_computes_in_another_process_and_keeps_the_tables(small_lab, 
     assert 0.0 < worker.seconds["coarse"] < worker.seconds["fine"]
     assert 10.0 < worker.megabytes < 2000.0
     assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+@pytest.mark.parametrize("keeps", [True, False])
+def test_a_worker_that_is_stopped_leaves_no_scratch_folder(small_lab, tmp_path, monkeypatch, keeps):
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    cache = tmp_path / "cache"
+    if not keeps:
+        cache.write_text("a file where the folder would be", encoding="utf-8")
+    begun = threading.Event()
+    computed = []
+
+    def progress(which, done):
+        computed.append(done)
+        begun.set()
+
+    worker = TableWorker(
+        small_lab, (0.0,), coarse=0.02, fine=0.01, folder=cache / "tables", progress=progress
+    )
+    worker.start()
+    assert begun.wait(60.0)
+    # What it computes in is there while it computes, and only where nothing can be kept.
+    assert len(list(scratch.iterdir())) == (0 if keeps else 1)
+    worker.stop()
+    worker.join_processes()
+    assert list(scratch.iterdir()) == []
+    assert worker.coarse is None
+    assert computed.count(1.0) <= 1

@@ -67,6 +67,8 @@ def contained(image, entry, *words):
     )
     environment["PATH"] = "/opt/ciberrato/bin:/usr/bin:/bin"
     opt = image / "opt"
+    # This checkout itself may lie in /tmp.
+    packages = [path for path in sys.path if path.endswith("site-packages")]
     return [
         *(
             "bwrap",
@@ -80,6 +82,7 @@ def contained(image, entry, *words):
             "--die-with-parent",
         ),
         *("--ro-bind", "/", "/", "--proc", "/proc", "--dev", "/dev", "--tmpfs", "/tmp"),
+        *(part for path in packages for part in ("--ro-bind", path, path)),
         *("--ro-bind", str(opt), str(opt), "--bind", str(image / "runs"), str(image / "runs")),
         *("--chdir", str(image / "runs"), "--clearenv"),
         *(part for name, value in environment.items() for part in ("--setenv", name, value)),

@@ -131,6 +131,11 @@ class TableWorker:
         for thread in self._threads:
             thread.join()
 
+    def join_processes(self) -> None:
+        """Wait, after `stop`, until the scratch folder is gone; the loops may go on loading."""
+        for thread in self._threads[:1]:
+            thread.join()
+
     def _run(self) -> None:
         try:
             from ciberrato.localization.tables.pose_tables import COARSE, FINE
@@ -179,15 +184,14 @@ class TableWorker:
 
         path = table_path(self._lab, self._angles, resolution, 2, self._folder)
         tables = read_tables(path)
-        if tables is None:
-            with tempfile.TemporaryDirectory(prefix="ciberrato-") as scratch:
-                if _writable(path.parent):
-                    self._compute(which, resolution, path)
-                    tables = read_tables(path)
-                if tables is None:  # no place to keep them, or no room there
-                    path = Path(scratch) / path.name
-                    self._compute(which, resolution, path)
-                    tables = read_tables(path)
+        if tables is None and _writable(path.parent):
+            self._compute(which, resolution, path)
+            tables = read_tables(path)
+        if tables is None and not self._stopped:  # no place to keep them, or no room there
+            with tempfile.TemporaryDirectory(prefix="ciberrato-", ignore_cleanup_errors=True) as scratch:
+                path = Path(scratch) / path.name
+                self._compute(which, resolution, path)
+                tables = read_tables(path)
         if tables is None:
             raise TablesError(
                 f"the {which} tables of the lab could not be computed: too little memory, or no room "
