@@ -9,4 +9,4 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 Indices = NDArray[np.intp]
-"""What numpy returns where it looks for places in an array."""
+"""Array of indices, as numpy's searches return it."""

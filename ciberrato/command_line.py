@@ -1,4 +1,4 @@
-"""What all programs share: a parser whose errors are one line, and how a program begins and ends.
+"""Parts that all programs share: a parser whose errors are one line, and a program's begin and end.
 
 Options are never abbreviated. `run_program` sees to it that an output that is gone (closed, full, a pipe that
 ends) does not disturb the work, and that memory or file descriptors that are used up are told in one line.
@@ -165,7 +165,7 @@ def used_up(error: BaseException) -> str | None:
     Parameters
     ----------
     error : BaseException
-        What caused it counts, too: numpy's ImportError does not say it itself.
+        The error; its causes count, too: numpy's ImportError does not say it itself.
     """
     seen: BaseException | None = error
     while seen is not None:

@@ -54,7 +54,7 @@ _MOST = 65535
 
 
 class CParameters:
-    """What agents read of the simulation's parameters.
+    """Parameters of the simulation that agents read.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class CMeasures:
     lineSensor : list of 7 str
         "0" or "1", leftmost first.
     hearMessage : str
-        What another robot said, the last of several.
+        Message of another robot, the last of several.
     start, stop, endLed, returningLed, visitingLed, collision : bool
     score, arrivalTime, returningTime, collisions : int
     """

@@ -25,7 +25,7 @@ class LabError(CiberratoError):
     Parameters
     ----------
     problem : str
-        What is wrong and what to do, without the place.
+        Fault and remedy, without the place.
     source : str
         The file's name, as the user gave it.
     line : int or None

@@ -33,7 +33,7 @@ GROUPS = {
     "ciberrato.motion_models": "motion model",
     "ciberrato.sensor_models": "sensor model",
 }
-"""What each group of entry points holds."""
+"""Kind of part of each group of entry points."""
 
 REFERENCE = re.compile(r"([^\W\d]\w*(?:\.[^\W\d]\w*)*):([^\W\d]\w*(?:\.[^\W\d]\w*)*)")
 """``module:object``, both dotted."""
@@ -50,7 +50,7 @@ class Part(NamedTuple):
     Attributes
     ----------
     label : str
-        What it is, for messages: ``sensor 'odometer' (own_parts:Odometer, own-parts 1.0)``.
+        Description for messages: ``sensor 'odometer' (own_parts:Odometer, own-parts 1.0)``.
     value : object
     """
 
@@ -113,7 +113,7 @@ def load_part(
     fits : callable
         Whether an object is a part of this kind.
     wanted : str
-        What such a part is, for the message.
+        Description of such a part, for the message.
     built_in : iterable of str
         Names that no entry point may have.
 

@@ -44,7 +44,7 @@ from simulator_stub.simulation import Simulation
 _REAL = r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*"
 _INLINE_GRID = re.compile(rf"{_REAL},{_REAL},{_REAL}(?:;{_REAL},{_REAL},{_REAL})*;?")
 _LIKE_POSES = re.compile(r"[^/\\]*[,;][^/\\]*|[\s\d.+-]*")
-"""What is no file was probably meant as poses: with a comma or a semicolon, or of digits alone."""
+"""Words that are no file were probably meant as poses: with a comma or a semicolon, or of digits alone."""
 
 Print = Callable[[str], None]
 

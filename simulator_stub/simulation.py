@@ -41,7 +41,7 @@ from simulator_stub.world.simulator_state import SimulatorEvent, SimulatorState,
 from simulator_stub.world.world import World
 
 NAMELESS = "(null)"
-"""What a robot is called that gave no name."""
+"""Name of a robot that registered without one."""
 
 GPS_OFFSET_RANGE = 1000.0
 """Units: the GPS adds something from 0 to this to x, and to y."""
@@ -73,7 +73,7 @@ class Simulation:
     time : int
         Simulated cycles so far.
     gps_offset : (float, float)
-        What every GPS adds to x and y, in units: drawn when a world begins; may be set before the robots
+        Offset of every GPS in x and y, in units: drawn when a world begins; may be set before the robots
         drive.
     worlds : int
         How often a world has begun: at first, and after each `reset` and `restart`.
@@ -288,7 +288,7 @@ class Simulation:
         Parameters
         ----------
         actions : mapping of int to Actions, iterable of Actions or (float, float), optional
-            What robots want, by id; several messages of one robot are applied in order. Two numbers are left
+            Commands by robot id; several messages of one robot are applied in order. Two numbers are left
             and right motor command in units per cycle.
 
         Returns

@@ -1,4 +1,4 @@
-"""What options can be: each function reads one kind of value, or says what is wrong with it."""
+"""Types of options: each function reads one kind of value, or explains the fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every policy gets and gives."""
+"""Interface of all drives: arguments and decisions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ciberrato.world.parameters import Parameters
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """What the robot is to do in the coming cycle.
+    """Decision of a drive for the coming cycle.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSetup:
-    """What a drive is made from.
+    """Arguments of a drive's factory.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class DriveSetup:
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees.
     argument : object
-        What the drive's `agent.drives.registry.DriveKind.argument` has read; None if it takes nothing.
+        Value read by the drive's `agent.drives.registry.DriveKind.argument`; None if it takes nothing.
     cruise : float
         Motor command for driving straight on, in units per cycle.
     stop_when_localized : bool

@@ -1,4 +1,4 @@
-"""What lies ahead of the robot, as far as its belief can say: free paths of a sample of the likely poses.
+"""Clearance ahead of the robot, as far as its belief can say: free paths of a sample of the likely poses.
 
 A robot that does not know where it is can still know that it may drive on: if the way ahead is free from
 every pose that it may have. All policies steer by these clearances, before and after the pose is known.

@@ -77,7 +77,7 @@ class Plan:
 
 
 class PredictedReadings:
-    """What a robot would sense under each hypothesis.
+    """Readings that a robot would have under each hypothesis.
 
     A hypothesis is a little out of place, and an edge that is just in view is not in view a little aside. So
     what is predicted is a range for each sensor: all that is expected within the error of the pose.

@@ -30,7 +30,7 @@ _TURN_IN_PLACE = math.radians(25.0)
 
 
 class GotoPhase(StrEnum):
-    """What the robot is doing."""
+    """Activities of the robot."""
 
     LOCALIZING = "localizing"
     DRIVING = "driving"

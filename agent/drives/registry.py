@@ -29,7 +29,7 @@ class DriveKind(NamedTuple):
         Reads what follows ``NAME:`` on the command line, and raises ValueError if it cannot; None: the drive
         takes nothing.
     form : str
-        What the argument looks like.
+        Form of the argument, for help texts.
     check : callable or None
         Raises UsageError if the argument, as it was read, cannot be in a lab: asked before the robot
         registers.

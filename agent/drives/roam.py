@@ -48,7 +48,7 @@ _BLIND_AFTER = 4
 
 
 class LegPhase(StrEnum):
-    """What the robot is doing."""
+    """Activities of the robot."""
 
     CHOOSING = "choosing"
     TURNING = "turning"

@@ -1,4 +1,4 @@
-"""What is not sure of the steps of a recorded run, where messages are missing in its log."""
+"""Doubts about the steps of a recorded run, where messages are missing in its log."""
 
 from __future__ import annotations
 

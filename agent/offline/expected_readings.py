@@ -1,4 +1,4 @@
-"""What the sensors would read in every cell, worked out in a thread of its own while the robot drives.
+"""Expected readings of the sensors in every cell, computed in a thread of its own while the robot drives.
 
 The control loop never waits for the thread. `ExpectedReadingsWorker.announce` tells it the announced noise
 once the simulator has answered, and `ExpectedReadingsWorker.result` asks for its tables after the run.
@@ -200,7 +200,7 @@ class ExpectedReadingsWorker:
         self._abandoned = False
         self._tables: ExpectedReadings | None = None
         self.error: BaseException | None = None
-        """What went wrong, as soon as it has."""
+        """Error of the thread, as soon as there is one."""
         self._thread = threading.Thread(target=self._run, name="expected readings", daemon=True)
 
     def start(self) -> None:

@@ -38,7 +38,7 @@ PRESETS: tuple[Preset, ...] = ("seed", "calibrated")
 
 
 class Doubt(NamedTuple):
-    """What is not sure of a step, after a gap in which the robot may have been stopped.
+    """Doubt about a step, after a gap in which the robot may have been stopped.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ def localize(
     readings : sequence of shape (steps, sensors)
         Readings at the start cell and at the centre of each cell entered; None or nan where there is none.
     expected : ExpectedReadings
-        What each sensor should read in each cell, and between which cells there is no wall.
+        Expected reading of each sensor in each cell, and between which cells there is no wall.
     preset : {"seed", "calibrated"}
         See the module's text.
     obstacle_noise : float

@@ -117,7 +117,7 @@ def map_fit(
 
 
 class _Prediction:
-    """What a sensor may read, before it is heard."""
+    """Predicted distribution of a reading."""
 
     def __init__(self, ideal: Floats, weights: Floats, noise: float) -> None:
         levels, self._level = np.unique(np.round(ideal / _FINE).astype(np.int64), return_inverse=True)

@@ -15,7 +15,7 @@ from ciberrato.world.lab import Lab
 
 @dataclass(frozen=True)
 class PoseReplay:
-    """What the pose filter makes of a run, from any start.
+    """Pose filter over a recorded run, from any start.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a belief says, in words: the table of steps and the heat map for the terminal.
+"""Summary of a belief, in words: the table of steps and the heat map for the terminal.
 
 Cells are named by their centre in units, as everywhere in what people read: (5, 7) is the cell of 2 x 2 units
 whose centre is at x = 5, y = 7.

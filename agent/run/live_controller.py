@@ -28,7 +28,7 @@ class LiveController:
     Parameters
     ----------
     header : RunHeader
-        What is known of the run.
+        Facts that are known when the run begins.
     localizer : PoseFilter
     drive : Drive or None
         None: to the right, as `Controller` does it.

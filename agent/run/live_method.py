@@ -32,7 +32,7 @@ _POLL = 0.05  # seconds between looks whether the user wants to wait no longer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveSettings:
-    """What the user asked for of the live filter and the drive.
+    """User's settings of the live filter and the drive.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ _SILENT_CYCLES = 3  # a simulator is not silent before it has missed so many cyc
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What the user asked for.
+    """User's settings of a run.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Settings:
     lab : Lab
     lab_file : Path
     lab_data : bytes
-        What the file holds.
+        Contents of the file.
     angles : tuple of four float
         Mounting angles of the IR sensors in degrees.
     cruise : float
@@ -97,7 +97,7 @@ class Settings:
 
 
 class Responder(Protocol):
-    """What answers the messages of a run; see `agent.drives.right.controller.Controller`."""
+    """Interface of a controller that answers messages; see `agent.drives.right.controller.Controller`."""
 
     @property
     def exchange(self) -> Exchange:

@@ -1,4 +1,4 @@
-"""What every function of this package asks of its arguments, and the words in which it says no.
+"""Checks of the arguments of all functions of this package, and their error messages.
 
 Each check reads its array once or twice, whatever the number of states. Messages name what is wrong, where,
 and what would do instead.
@@ -83,7 +83,7 @@ def belief_bounds(values: FloatArray, *, what: str = "belief", massless: bool = 
 def log_likelihood_array(log_likelihood: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     """Return log likelihoods as an array of floats (of 32 bits if they are); ValueError if the shape differs.
 
-    What they are is for the caller to check by `refuse_log_likelihood`, once their maximum is known.
+    The caller checks their values by `refuse_log_likelihood`, once their maximum is known.
     """
     values: FloatArray = np.asarray(log_likelihood)
     if values.dtype != np.float32:

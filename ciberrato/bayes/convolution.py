@@ -138,7 +138,7 @@ def whole_steps(displacement: float, carry: float) -> tuple[int, float]:
     steps : int
         Nearest whole number of cells.
     carry : float
-        What is left, in [-0.5, 0.5]: where the belief's cells have moved to relative to the grid.
+        Rest of the shift, in [-0.5, 0.5]: where the belief's cells have moved to relative to the grid.
     """
     total = displacement + carry
     steps = round(total)
@@ -155,7 +155,7 @@ def fold(full: FloatArray, first: int, size: int, edge: Edge, axis: int) -> Floa
     first, size : int
         Where it begins, and the cells that there are.
     edge : {"wrap", "stay", "lose"}
-        What to do with entries off the grid.
+        Treatment of entries off the grid.
     axis : int
         Which one, counted from 0.
 
@@ -207,7 +207,7 @@ def convolve(
     first : int
         In cells.
     edge : {"wrap", "stay", "lose"}
-        What becomes of mass that leaves the axis.
+        Treatment of mass that leaves the axis.
     axis : int
         Which one.
 

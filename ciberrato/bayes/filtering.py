@@ -35,7 +35,7 @@ class _Pair(NamedTuple):
 
 
 class Update(_Pair):
-    """What a reading makes of a belief: a pair (posterior, log evidence), and a count.
+    """Result of an update: a pair (posterior, log evidence), and a count.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ def update(
     log_likelihood : array_like
         log p(reading | state), same shape; +inf and nan are errors.
     on_impossible : {"raise", "keep", "uniform", "likelihood"}
-        What to do if no state with mass explains the reading; see `ciberrato.bayes.recovery`.
+        Action if no state with mass explains the reading; see `ciberrato.bayes.recovery`.
     out : FloatArray, optional
         Where to write the posterior; may be `belief` or `log_likelihood` itself.
 
@@ -251,7 +251,7 @@ def predict(transition: Callable[[FloatArray, Any], FloatArray], belief: ArrayLi
     belief : array_like
         Sums to 1; all zero if an earlier prediction has lost everything.
     control : object
-        What the motion model takes.
+        Control of the motion model: a command or an odometry reading.
 
     Returns
     -------

@@ -33,7 +33,7 @@ class EvidenceMonitor:
     threshold : float
         Alarm when the fast mean is below the slow one by this much, in nats a reading.
     floor : float
-        What an impossible reading (evidence -inf) or a very bad one counts for, below the slow mean, in nats.
+        Limit of one reading's weight, in nats below the slow mean, also for impossible ones (evidence -inf).
     warm_up : int
         No alarm before so many readings since the start or the last restart: at first the belief is still
         finding its place.

@@ -1,4 +1,4 @@
-"""What to do when no state can explain a reading.
+"""Recovery when no state can explain a reading.
 
 A reading whose probability is zero in every state that the belief holds possible says that the map, the
 sensor model or the belief is wrong. Bayes' rule has no answer to it (0 / 0), so the caller names one.

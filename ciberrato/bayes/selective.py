@@ -196,7 +196,7 @@ class SelectiveFilter:
         log_likelihood : callable
             Of numbers of states, or None for all: their log p(reading | state), -inf where impossible.
         highest : float, optional
-            What the log likelihood of no state exceeds, for `left_out`: that of the function if it has one;
+            Upper bound of the log likelihoods, for `left_out`: that of the function if it has one;
             if it is not known, `left_out` is 1.
 
         Raises
@@ -270,7 +270,7 @@ class SelectiveFilter:
         left_out : float
             Mass, on the same scale, that these states do not have.
         log_highest : float
-            What the reading multiplies mass elsewhere by at most, on the same scale.
+            Upper bound of the factor of mass elsewhere, on the same scale.
         """
         total = float(masses.sum())
         if total <= 0.0:

@@ -1,4 +1,4 @@
-"""What a belief says: entropy, most likely cells, hypotheses, means, credible sets.
+"""Summaries of a belief: entropy, most likely cells, hypotheses, means, credible sets.
 
 Beliefs need not sum to 1 (the masses named here are shares of their sum), but must have some mass and be
 finite and not negative: a ValueError says which cell is not.

@@ -48,7 +48,7 @@ def schema_findings(data: bytes, source: str, kind: str, known: Sequence[Finding
     kind : str
         As for `schema_file`.
     known : sequence of Finding
-        What the reading found. It says more than a schema can; lines that it mentions are left to it.
+        Findings of the reader, which say more than a schema can; lines that they mention are left out.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What carries a robot's messages: a link to a simulator, or a simulation in the same process."""
+"""Carriers of a robot's messages: a link to a simulator, or a simulation in the same process."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ REFUSAL_PATIENCE = 0.5
 
 
 class Channel(Protocol):
-    """What carries a robot's messages."""
+    """Carrier of a robot's messages."""
 
     place: str
     """Where the simulator is, for people."""
@@ -205,7 +205,7 @@ class Attempts:
 
 
 class SteppedSimulation(Protocol):
-    """What is needed of a `simulator_stub.simulation.Simulation`."""
+    """Interface of a `simulator_stub.simulation.Simulation` that is needed here."""
 
     world: Any
 

@@ -1,4 +1,4 @@
-"""What a robot's program can say and ask, whatever carries the messages."""
+"""Commands and requests of a robot's program, for all carriers of messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot's program does in a cycle, without input and output: Measures in, one Actions out.
+"""Cycle of a robot's program, without input and output: Measures in, one Actions out.
 
 The shells around it (`ciberrato.client.robot`, `ciberrato.client.async_robot`) carry the messages. In every
 cycle they pass all messages that wait to `RobotCore.take`, in order, let the user's code run if it returns
@@ -88,7 +88,7 @@ class RobotCore:
         self.skipped = 0
         """Measures that were not shown to the program, as newer ones were waiting."""
         self.motors = (0.0, 0.0)
-        """What the program wants while the simulator runs."""
+        """Motor command of the program, for while the simulator runs."""
         self.sent = (0.0, 0.0)
         """Motor commands of the last answer."""
         self._every_cycle = every_cycle

@@ -1,4 +1,4 @@
-"""What can go wrong between a robot's program and its simulator."""
+"""Errors between a robot's program and its simulator."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def compare(results: Sequence[Result], one: str, other: str, fields: Sequence[st
     one, other : str
         Drives; groups are slow by the first.
     fields : sequence of str
-        What makes a group: names of `Task`'s fields.
+        Names of the fields of `Task` by which runs are grouped.
 
     Returns
     -------

@@ -37,13 +37,13 @@ ANGLES = (0.0, 60.0, -60.0, 180.0)
 RIGHT_ANGLES = (0.0, 90.0, -90.0, 180.0)
 """Those of the published method, for the drive to the right."""
 STANDS = "stands"
-"""What the drive to the right has finished with before its wall."""
+"""Reason with which the drive to the right finishes before its wall."""
 _AT_REST = 60
 """Messages; the filter asks nothing of the sensors of a robot that has stood for twenty."""
 
 
 class Driver(Protocol):
-    """What decides, for `run_task`."""
+    """Interface of a drive, for `run_task`."""
 
     def __call__(self, measures: Measures, pose_filter: GridFilter | None) -> tuple[Command, str | None]:
         """Return the command, and why the drive has finished if it has."""

@@ -34,7 +34,7 @@ def draw_figures(results: Sequence[Result], fields: Sequence[str], folder: Path)
     ----------
     results : sequence of Result
     fields : sequence of str
-        What makes a group: names of `Task`'s fields. If the drive is one of them, it makes the lines, and
+        Fields of `Task` by which runs are grouped. If the drive is one of them, it makes the lines, and
         the others make the panels, if those are not too many.
     folder : Path
         Made if need be.

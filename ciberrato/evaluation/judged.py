@@ -30,7 +30,7 @@ GROUP = "ciberrato.filters"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterSetup:
-    """What a filter is made from.
+    """Arguments of a filter's factory.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class FilterSetup:
 
 
 class Judged(Protocol):
-    """What `ciberrato.evaluation.record.Record` asks of a filter."""
+    """Interface of a filter for `ciberrato.evaluation.record.Record`."""
 
     @property
     def restarts(self) -> Any:

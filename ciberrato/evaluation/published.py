@@ -39,7 +39,7 @@ from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
 
 PRIOR = "centres:0"
-"""What both are told: a cell's centre, looking to the right."""
+"""Start prior of both: a cell's centre, looking to the right."""
 _LONGEST = 700
 _SLACK = 0.01
 """Of a probability: less than this counts for nothing."""
@@ -47,7 +47,7 @@ _SLACK = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What both say at the centre of a cell.
+    """Statements of both at the centre of a cell.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class LabTask:
-    """What to compare.
+    """Lab and runs to compare.
 
     Attributes
     ----------

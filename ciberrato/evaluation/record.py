@@ -1,4 +1,4 @@
-"""What is recorded of a run: the filter against the true pose, cycle by cycle."""
+"""Records of a run: the filter against the true pose, cycle by cycle."""
 
 from __future__ import annotations
 

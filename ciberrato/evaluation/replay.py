@@ -124,7 +124,7 @@ def read_recording(folder: Path) -> Recording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What is said at one time.
+    """Statements at one time.
 
     Attributes
     ----------

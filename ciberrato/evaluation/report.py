@@ -212,7 +212,7 @@ def aligned(rows: Sequence[Sequence[str]], width: int = WIDTH) -> str:
     rows : sequence of sequence of str
         The heading is the first.
     width : int
-        What would be wider follows below, with the first column again.
+        Greatest width; further columns follow below, with the first column again.
 
     Returns
     -------

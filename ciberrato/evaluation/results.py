@@ -126,7 +126,7 @@ def write_table(path: Path, tried: Sequence[Result | Failure]) -> None:
     Parameters
     ----------
     path : Path
-        What its name ends in says how: ``.csv`` (empty where not known) or ``.parquet``.
+        File; the ending of its name selects the format: ``.csv`` (empty where not known) or ``.parquet``.
     tried : sequence of Result or Failure
     """
     check_table(path)

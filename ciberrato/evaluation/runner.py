@@ -28,7 +28,7 @@ from ciberrato.system.process import processors
 
 
 class Evaluation(NamedTuple):
-    """What came of some tasks."""
+    """Outcomes and failures of some tasks."""
 
     results: list[Result]
     failures: list[Failure]

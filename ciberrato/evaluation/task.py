@@ -1,4 +1,4 @@
-"""What is run, and what comes of it: the two records of an evaluation."""
+"""Tasks and their outcomes: the two records of an evaluation."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of a run. Times are cycles since the start; None = never.
+    """Outcome of a run. Times are cycles since the start; None = never.
 
     A *claim* is a probability above 0.95 that the pose is within 0.5 units and 10 degrees of the
     estimate; it is wrong if the true pose is not.

@@ -1,4 +1,4 @@
-"""What a check of a file finds: where, what is there, what is made of it, and what was probably meant."""
+"""Findings of a check of a file: place, text, interpretation, and the probable intention."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Finding:
     line : int or None
         Counted from 1.
     found : str
-        What is there.
+        Text in the file.
     taken : str
-        What is made of it, beginning with a verb: ``counts as 0``. Empty where that goes without saying.
+        Interpretation, beginning with a verb: ``counts as 0``. Empty where that goes without saying.
     advice : str
-        What to do; empty where there is nothing.
+        Remedy; empty where there is none.
     instead : str or None
         The nearest right name, or the value to write.
     place : (float, float) or None

@@ -29,7 +29,7 @@ MOST = {
     "targets": 500,
     "characters in its rows": 1_000_000,
 }
-"""What a lab may hold, so that all programs end in reasonable time; a maze of 60 x 60 cells has 4,000."""
+"""Limits of a lab, so that all programs end in reasonable time; a maze of 60 x 60 cells has 4,000."""
 
 _FULL_TURN_TOLERANCE = 0.01
 
@@ -61,7 +61,7 @@ class LabFile:
     source : str
         The file's name.
     findings : tuple of Finding
-        What is ignored or read as something else, in order of lines.
+        Parts that are ignored or read as something else, in order of lines.
     beacon_lines, target_lines, wall_lines : tuple of int
         The line of each beacon, target and wall of the lab; that of the row where a row draws the wall.
     from_rows : tuple of bool
@@ -81,7 +81,7 @@ class LabFile:
 
 @dataclass(slots=True)
 class _Contents:
-    """What is gathered of a lab, each thing with its line."""
+    """Parts of a lab while it is read, each with its line."""
 
     beacons: list[tuple[Beacon, int]] = field(default_factory=list)
     targets: list[tuple[Target, int]] = field(default_factory=list)
@@ -172,7 +172,7 @@ def parse_lab_with_warnings(
     lab : Lab
         Walls in the order of the document.
     warnings : tuple of str
-        What the real simulator passes over or takes for something else: walls that it drops, level walls
+        Parts that the real simulator omits or takes for something else: walls that it drops, level walls
         lost at the end of a short row pattern, numbers that are none. One line each, with file and line.
 
     Raises

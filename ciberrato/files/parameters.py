@@ -47,7 +47,7 @@ class ParameterFile:
     source : str
         The file's name.
     findings : tuple of Finding
-        What is ignored or read as something else, in order of lines.
+        Parts that are ignored or read as something else, in order of lines.
     lines : dict of str to int
         The line of each attribute.
     """

@@ -1,4 +1,4 @@
-"""What is odd in the rows of characters by which labs draw their walls."""
+"""Findings about the rows of characters by which labs draw their walls."""
 
 from __future__ import annotations
 

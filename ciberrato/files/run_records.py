@@ -22,7 +22,7 @@ Readings = tuple[float | None, float | None, float | None, float | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunHeader:
-    """What is known when the run begins.
+    """Facts that are known when the run begins.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class RunHeader:
     preset : str
         Filter preset asked for, ``seed`` or ``calibrated``.
     distance_model : str
-        What a sensor is taken to measure, ``sensor`` or ``cone``; see
+        Quantity that a sensor is taken to measure, ``sensor`` or ``cone``; see
         `ciberrato.infrared.model.cell_readings`.
     seed : int or None
         Seed of the simulation if the caller gave it; the agent draws no random numbers.
@@ -103,7 +103,7 @@ class Cycle:
     spread : tuple of float, or None
         Standard deviations of the last three, in their units.
     phase : str
-        What the agent was doing, in its own words.
+        Activity of the agent, in its own words.
     step : int or None
         Number of the step that was recorded at this message: 0 = start cell, k = k-th cell entered.
     estimate : (float, float, float, float) or None

@@ -61,7 +61,7 @@ class LoggedRobot:
     collision : bool
     visited_mask : str
     actions : Actions or None
-        What arrived for the coming cycle, motors after clamping; None where nothing did. Requests, messages,
+        Actions for the coming cycle, motors after clamping; None where none arrived. Requests, messages,
         and a lone VisitingLed are not in the log.
     measures : Measures
         The sensors after this cycle, all of them, whether or not the robot was sent them; without messages
@@ -110,7 +110,7 @@ class LogRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogHeader:
-    """What a log begins with.
+    """Header of a log.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ class GridFile:
     source : str
         The file's name.
     findings : tuple of Finding
-        What is ignored or read as something else, in order of lines.
+        Parts that are ignored or read as something else, in order of lines.
     lines : tuple of int
         The line of each position.
     """

@@ -29,7 +29,7 @@ _NEEDED = {
     "Row": ("Pos", "Pattern"),
     "Position": ("X", "Y"),
 }
-"""What every element of the kind should say; where it does not, that is a note."""
+"""Attributes that each element of the kind should have; where one is missing, that is a note."""
 
 
 def check_attributes(element: Element, names: Names, reader: Reader) -> None:

@@ -78,7 +78,7 @@ def parse_elements(data: bytes, source: str, what: str) -> list[Element]:
     source : str
         The file's name, for messages.
     what : str
-        What the document should be, for messages: ``a lab``.
+        Expected kind of document, for messages: ``a lab``.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def elements_of(root: etree._Element, data: bytes) -> list[Element]:
     ----------
     root : lxml element
     data : bytes
-        What it was parsed from.
+        Bytes of the document.
     """
     nodes = list(root.iter("*"))
     lines = _tag_lines(data, root.getroottree().docinfo.encoding or "UTF-8")

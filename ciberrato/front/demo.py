@@ -160,7 +160,7 @@ def running(module: str, words: Sequence[str]) -> Iterator[subprocess.Popen[str]
     Yields
     ------
     subprocess.Popen
-        What it prints comes through one pipe.
+        Started program; its output comes through one pipe.
     """
     name = {"simulator_stub": "ciberrato-simulator", "agent": "ciberrato-agent"}[module]
     print(f"\n$ {name} {' '.join(words)}", flush=True)

@@ -31,7 +31,7 @@ class Groups:
     Attributes
     ----------
     told : str
-        What is used, in a line.
+        Description of what is used, in a line.
     """
 
     told = WITHOUT

@@ -36,7 +36,7 @@ _LAUNCHERS: dict[str, tuple[Launcher, Path]] = {}
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Done:
-    """What comes back: a run and its recording, or why it could not be."""
+    """Result of a worker: a run and its recording, or the reason why there is none."""
 
     __repr__ = short_repr
 

@@ -84,7 +84,7 @@ MOST = 10**9
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What an agent may use in a run.
+    """Limits of an agent in a run.
 
     Attributes
     ----------
@@ -159,7 +159,7 @@ class Course:
     limits : Limits
     points : Points
     readable : tuple of Path
-        What a sandbox shows besides the system and Python.
+        Files and folders that a sandbox shows besides the system and Python.
     tournament : TournamentSettings
     image : str or None
         Image of containers, with ciberrato and what agents need.

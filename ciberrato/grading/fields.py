@@ -20,7 +20,7 @@ class Fields:
     place : str
         How faults name it.
     faults : list of str
-        What is wrong is added here, a line each.
+        List to which each fault is added, a line each.
     """
 
     def __init__(self, table: dict[str, Any], place: str, faults: list[str]) -> None:

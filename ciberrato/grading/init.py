@@ -67,7 +67,7 @@ def write_course(folder: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
 
     Raises
     ------

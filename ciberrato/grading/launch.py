@@ -79,7 +79,7 @@ class Launcher:
         -------
         outcome : Outcome
         measured : dict
-            What clocks and meters said of it, and the agent's last words.
+            Time, memory and other measurements, and the agent's last lines of output.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Launcher:
         Returns
         -------
         dict
-            What `ciberrato.grading.supervisor` writes.
+            Document that `ciberrato.grading.supervisor` writes.
 
         Raises
         ------

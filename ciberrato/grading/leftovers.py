@@ -46,7 +46,7 @@ def remove_leftovers() -> list[Path]:
     Returns
     -------
     list of Path
-        What was removed.
+        Folders that were removed.
     """
     removed = []
     for folder in sorted(Path(tempfile.gettempdir()).glob(f"{PREFIX}*")):

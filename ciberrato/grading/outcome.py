@@ -1,4 +1,4 @@
-"""What came of a run: in numbers, and in a few words."""
+"""Outcome of a run: in numbers, and in a few words."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def write_recording(log: Path, target: Path, title: str, names: Mapping[str, str
     target : Path
         Its file: a script that hands the recording to the page: so it can be opened from a disk.
     title : str
-        What the page says it is.
+        Title on the page.
     names : mapping of str to str, optional
         How robots are called, by their ids, whatever they call themselves.
 

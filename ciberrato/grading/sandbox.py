@@ -33,14 +33,14 @@ WITHOUT = (
     "no sandbox: agents can read and change whatever you can, and use the network; "
     f"{_LIMITED[descendants.MEASURES]}"
 )
-"""What `none` means, in a line."""
+"""Meaning of `none`, in a line."""
 
 _SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/opt", "/nix/store")
 _SETTINGS = (
     *("alternatives", "ld.so.cache", "ld.so.conf", "ld.so.conf.d", "localtime", "passwd", "group"),
     *("nsswitch.conf", "ssl/certs", "ssl/openssl.cnf", "java", "perl", "python3", "fonts", "profile"),
 )
-"""What programs need of /etc; no passwords, no keys."""
+"""Files of /etc that programs need; no passwords, no keys."""
 
 _TOOLS = "/usr/bin:/bin"
 
@@ -126,7 +126,7 @@ def around_agent(
     processes : int
         That it may have at a time; the system holds those of root to none, so they are also counted.
     readable : sequence of Path
-        What else it may see.
+        Further files and folders that it may see.
 
     Returns
     -------

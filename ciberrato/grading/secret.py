@@ -12,7 +12,7 @@ from ciberrato.grading.fields import Fields
 from ciberrato.grading.standing import Standing
 
 HIDDEN = "hidden labs"
-"""What published reports call all of them together."""
+"""Name of all of them together in published reports."""
 
 
 def with_secret(course: Course, path: Path) -> Course:

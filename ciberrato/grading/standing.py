@@ -109,7 +109,7 @@ def standings(
     points : callable, optional
         Points of a run, if not those of the course's formula.
     second : callable
-        What decides, in the same mean, where totals are equal.
+        Tie-break, in the same mean, where totals are equal.
 
     Returns
     -------

@@ -45,7 +45,7 @@ _MB = 1 << 20
 
 
 class Stream:
-    """What a process writes: counted up to a limit, the last of that kept."""
+    """Output of a process: counted up to a limit, its end kept."""
 
     def __init__(self, most: int, limit: float = math.inf) -> None:
         self.count = 0

@@ -1,4 +1,4 @@
-"""What the program calls itself, and how it prints what others have written."""
+"""Name of the program, and the printing of text that others have written."""
 
 from ciberrato.plaintext import plain
 

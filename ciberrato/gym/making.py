@@ -1,4 +1,4 @@
-"""What one environment and many are made of alike: task, scenario, spaces."""
+"""Parts of single and vector environments alike: task, scenario, spaces."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FRAMES_PER_SECOND = 20
 
 
 class Choices(TypedDict, total=False):
-    """What episodes may be drawn from; see `ciberrato.gym.scenario.Scenario`."""
+    """Choices from which episodes are drawn; see `ciberrato.gym.scenario.Scenario`."""
 
     labs: str | Lab | Sequence[str | Lab]
     starts: str | Sequence[Start]

@@ -1,4 +1,4 @@
-"""What an episode is drawn from: labs, starts and noise; the same for one environment and for many."""
+"""Scenarios from which episodes are drawn: labs, starts and noise; for one environment and for many."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Scenario:
         "grid": the positions of the start grid of the same name; "free": anywhere outside walls, in any
         direction; "circuit": centres of cells from which a circuit of scoring mode 1 begins, to the right.
     noise : float or (float, float)
-        What the deviations of the parameters are multiplied by, or the range that it is drawn from.
+        Factor of the deviations of the parameters, or the range from which it is drawn.
     parameters : Parameters
     time_limit : int
         Cycles of an episode.

@@ -1,4 +1,4 @@
-"""What a task sees of a cycle: readings, and what only a judge may know; arrays, world by world."""
+"""Signals of a cycle for a task: readings, and facts that only a judge may know; arrays by world."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Column(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What a cycle brought; arrays of shape (n,).
+    """Outcome of a cycle; arrays of shape (n,).
 
     Attributes
     ----------

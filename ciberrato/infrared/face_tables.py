@@ -1,4 +1,4 @@
-"""What is near in each square of a lab, as arrays: for many places at once.
+"""Faces near each square of a lab, as arrays: for many places at once.
 
 Squares are those of `ciberrato.geometry.visible_faces`, half a unit wide. A square gets its entries when it
 is first asked for.

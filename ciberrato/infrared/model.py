@@ -39,7 +39,7 @@ __all__ = [
 SENSOR_OFFSET = 0.5
 """Units from the robot's centre to each sensor."""
 SATURATION = 100.0
-"""What a sensor reads at `CONTACT` and below."""
+"""Reading of a sensor at `CONTACT` and below."""
 CONTACT = 0.01
 """Units; at this distance and below a reading saturates."""
 HALF_STEP = 0.05

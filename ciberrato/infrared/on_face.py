@@ -1,4 +1,4 @@
-"""What an IR sensor takes where it sits exactly on a wall: the real simulator's own rules, angle by angle.
+"""Distances of an IR sensor that sits exactly on a wall: the real simulator's own rules, angle by angle.
 
 A robot that just touches a wall has a sensor point on a face. Then it hangs on the last bit of an arc
 tangent whether that face is seen, at distance 0, or looked through, and only the same arithmetic gives the

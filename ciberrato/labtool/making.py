@@ -31,7 +31,7 @@ _TARGET_RADIUS = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """What lab to make.
+    """Description of the lab to make.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the pose filter can be made from: each argument that is something else is named."""
+"""Checks of the pose filter's arguments: each one that is something else is named."""
 
 from __future__ import annotations
 

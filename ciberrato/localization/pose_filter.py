@@ -210,7 +210,7 @@ class PoseFilter:
     def close(self) -> None:
         """Stop the processes and threads that fetch tables; more calls do no harm.
 
-        What is known stays: with the coarse tables there, messages can still be observed.
+        The knowledge so far stays: with the coarse tables there, messages can still be observed.
         """
         self._closed = True
         if self._is_own and self._started:

@@ -1,4 +1,4 @@
-"""What the pose filter is told to do, and what it makes of a message."""
+"""Settings of the pose filter, and its records of messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Input = tuple[Measures, Command | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterSettings:
-    """What can be tuned. The defaults were chosen on labs other than those on which the filter is judged.
+    """Settings of the pose filter. The defaults were chosen on other labs than those of its evaluation.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class FilterSettings:
 
 
 class Motion(NamedTuple):
-    """What the wheels did in a cycle, in units, and whether a wall was in the way (None: not known)."""
+    """Motion of the wheels in a cycle, in units, and whether a wall was in the way (None: not known)."""
 
     left: float
     right: float
@@ -70,7 +70,7 @@ class Motion(NamedTuple):
 
 
 class FilterStep(NamedTuple):
-    """What the filter made of a message: the motions before it, what was sensed, and how far to trust it."""
+    """Interpretation of a message: the motions before it, what was sensed, and how far to trust it."""
 
     motions: tuple[Motion, ...]
     infrared: tuple[float | None, ...]

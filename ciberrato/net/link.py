@@ -1,4 +1,4 @@
-"""What every link to a simulator can do, whatever carries the messages."""
+"""Interface of links to a simulator, for all transports."""
 
 from __future__ import annotations
 

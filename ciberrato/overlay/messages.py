@@ -31,7 +31,7 @@ MOST_TEXT = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """What all shapes have; use one of the kinds below.
+    """Fields of all shapes; use one of the kinds below.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What all figures share: the canvas, colours, titles, and the walls of a lab.
+"""Parts that all figures share: the canvas, colours, titles, and the walls of a lab.
 
 matplotlib is loaded inside the functions, as it takes a second.
 """

@@ -101,7 +101,7 @@ def cones(
     angles : sequence of float
         Mounting angles of the sensors in degrees, counter-clockwise from the front.
     model : {"sensor", "cone"}
-        What the real sensor looks at, or the nearest point of the whole cone.
+        Sensor model: the real sensor's beams, or the nearest point of the whole cone.
     legend : bool, optional
         Whether to add distances and readings below; default: in a new figure.
 

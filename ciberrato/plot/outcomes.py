@@ -1,4 +1,4 @@
-"""What an evaluation found: a line for each group of runs, drawn into the same axes one after the other."""
+"""Plots of an evaluation: a line for each group of runs, drawn into the same axes one after the other."""
 
 from __future__ import annotations
 

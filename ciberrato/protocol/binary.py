@@ -51,7 +51,7 @@ def decode_binary_actions(data: bytes) -> Actions:
     Parameters
     ----------
     data : bytes
-        What follows the third word does not count.
+        Bytes of the message; those after the third word do not count.
 
     Raises
     ------

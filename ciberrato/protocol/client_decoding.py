@@ -1,4 +1,4 @@
-"""What clients send, bytes to records, read as the real simulator reads it.
+"""Messages of clients, bytes to records, read as the real simulator reads them.
 
 What is not well-formed XML gets a second, tolerant look (`ciberrato.protocol.tolerantxml`). Deliberate
 differences: references to entities that XML does not predefine, where they matter, a NaN motor command, and
@@ -229,7 +229,7 @@ def _walk(element: Element) -> Iterator[tuple[Element | None, str]]:
     element : Element or None
         None after an end tag.
     text : str
-        What follows the tag.
+        Text after the tag.
 
     Raises
     ------

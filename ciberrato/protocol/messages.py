@@ -75,7 +75,7 @@ class ViewRegistration:
     Attributes
     ----------
     token : str or None
-        What lets it in where the simulator wants one; the real one, which has no such thing, ignores it.
+        Password of views, where the simulator wants one; the real one ignores it.
     """
 
     __repr__ = short_repr
@@ -105,7 +105,7 @@ Registration = RobotRegistration | RobotBeaconRegistration | ViewRegistration | 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actions:
-    """What a robot wants; None leaves things as they are.
+    """Commands of a robot; None leaves things as they are.
 
     Attributes
     ----------
@@ -203,7 +203,7 @@ class Acceptance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeaconReading:
-    """What a beacon sensor says.
+    """Reading of a beacon sensor.
 
     Attributes
     ----------
@@ -221,7 +221,7 @@ class BeaconReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardMessage:
-    """What another robot (or this one) said in this cycle.
+    """Message of another robot (or this one) in this cycle.
 
     Attributes
     ----------
@@ -296,7 +296,7 @@ def sent_as(name: str, **attributes: type) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measures:
-    """What a robot's sensors say after a cycle.
+    """Readings of a robot's sensors after a cycle.
 
     Attributes
     ----------
@@ -350,7 +350,7 @@ class Measures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotStatus:
-    """What a viewer receives of each robot in each cycle.
+    """State of a robot in a cycle, as viewers receive it.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ _STUBBORN = 10
 
 
 class News(Enum):
-    """What a message is to its receiver."""
+    """Kinds of messages to their receiver, by order of arrival."""
 
     FRESH = "newer than all before"
     STALE = "late, doubled or spoilt: to be ignored"

@@ -1,4 +1,4 @@
-"""What simulators and log players send, bytes to records.
+"""Messages of simulators and log players, bytes to records.
 
 Lenient where the real clients are: sensors may be missing, unknown attributes and elements do not matter, the
 Parameters may be short. Strict where they are: what is there is complete, numbers are numbers, an accepted

@@ -14,7 +14,7 @@ _REAL = re.compile(
 _INTEGER = re.compile(r"[+-]?[0-9]{1,20}")
 _BLANKS = " \t\r\n"
 _SPACES = "\t\n\v\f\r \x85\xa0\u1680\u2028\u2029\u202f\u205f\u3000" + "".join(map(chr, range(0x2000, 0x200B)))
-"""What the real simulator skips around numbers: all of Unicode's spaces."""
+"""Characters that the real simulator skips around numbers: all of Unicode's spaces."""
 NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _ESCAPES = str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}

@@ -65,7 +65,7 @@ def parse_document(data: bytes, *, invalid_bytes: Literal["?", "latin-1"]) -> El
     data : bytes
         Without the terminating NUL.
     invalid_bytes : {"?", "latin-1"}
-        What to make of bytes that are not UTF-8 where no encoding is declared: a question mark each, as the
+        Replacement of bytes that are not UTF-8 where no encoding is declared: a question mark each, as the
         real simulator does, or Latin-1 letters, as the real simulator sends them.
 
     Returns

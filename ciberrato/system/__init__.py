@@ -1,4 +1,4 @@
-"""What differs between Linux, macOS and Windows, and what is done where something is missing.
+"""Differences between Linux, macOS and Windows, and the substitutes where something is missing.
 
 The programs ask here; no other room names a system, or a function that some system does not have. Each module
 finds out what there is by looking for it, so that a system none of us has seen gets the plainest variant.

@@ -27,14 +27,14 @@ _PROC = Path("/proc/self/task").is_dir()
 _PS = None if _PROC or os.name != "posix" else shutil.which("ps", path="/bin:/usr/bin")
 
 MEASURES = "all" if _PROC else "memory" if _PS else "nothing"
-"""What can be known of descendants here: ``all``, their ``memory``, or ``nothing``."""
+"""Measurements of descendants that are possible here: ``all``, their ``memory``, or ``nothing``."""
 
 SECONDS_A_LOOK = 0.05 if _PROC else 0.5
 """How often it is reasonable to ask."""
 
 
 class Usage(NamedTuple):
-    """What processes use: how many threads they are, and their memory in bytes."""
+    """Resources that processes use: the number of their threads, and their memory in bytes."""
 
     threads: int
     memory: int

@@ -78,7 +78,7 @@ def runnable(command: Sequence[str], environment: Mapping[str, str]) -> list[str
     ----------
     command : sequence of str
     environment : mapping of str to str
-        What it is going to be run with.
+        Environment with which it is going to be run.
     """
     program, *rest = command
     if _OWN_GROUP is None:

@@ -10,7 +10,7 @@ import sys
 from typing import Protocol
 
 READING, WRITING = 1, 4
-"""What a poller can wait for: the values of POLLIN and POLLOUT, which Windows does not name."""
+"""Events for which a poller can wait: the values of POLLIN and POLLOUT, which Windows does not name."""
 
 # Linux' option that makes the kernel stamp each datagram; the socket module has no name for it.
 _TIMESTAMPS = 35 if sys.platform == "linux" and hasattr(socket.socket, "recvmsg") else None

@@ -1,4 +1,4 @@
-"""What is kept of a test that has failed, and what its report says of it."""
+"""Files kept of a test that has failed, and its report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a test may say of a run, in a marker or in a call: checked, and made into what the grading takes."""
+"""Options of a run, in a marker or in a call: checked, and translated for the grading."""
 
 from __future__ import annotations
 

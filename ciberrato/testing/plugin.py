@@ -123,7 +123,7 @@ def _told(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _Bench:
-    """What the fixtures share."""
+    """State that the fixtures share."""
 
     def __init__(self, request: pytest.FixtureRequest, seed: int, temporary: Path) -> None:
         self._item = request.node

@@ -30,7 +30,7 @@ _GRACE = 3.0
 
 @dataclass(frozen=True)
 class AgentRun:
-    """What came of a run.
+    """Outcome of a run.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class AgentRun:
     memory : int
         Bytes at most.
     folder : Path
-        What is left of the run: ``log.xml``, ``truth.csv``, ``result.json``, ``parameters.xml``, and
+        Folder with the files of the run: ``log.xml``, ``truth.csv``, ``result.json``, ``parameters.xml``, and
         ``work`` with the files that the agent wrote or changed.
     """
 

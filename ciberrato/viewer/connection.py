@@ -134,7 +134,7 @@ class SimulatorConnection:
         Returns
         -------
         message : SimulatorMessage or None
-            What it says; None if it says nothing that matters.
+            Decoded message; None if it does not matter here.
         outgoing : list of Outgoing
         """
         try:

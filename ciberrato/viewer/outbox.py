@@ -1,4 +1,4 @@
-"""What waits to be sent to one browser: never more than the newest of each kind."""
+"""Messages that wait to be sent to one browser: never more than the newest of each kind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What agents show, in bounded memory: beliefs by source and time, and shapes until their time is over."""
+"""Overlays of agents, in bounded memory: beliefs by source and time, and shapes until their time is over."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class Timeline:
         ----------
         frame : Frame
         encoded : str
-            What to return for it.
+            Text to return for it.
         """
         if self._times and frame.time < self._times[-1]:
             self.clear()

@@ -25,7 +25,7 @@ class Frame:
     time : int
         Simulated cycles so far.
     phase : str
-        What the simulator is doing, as far as it shows: ``empty`` (no robots), ``ready`` (not started yet),
+        State of the simulator, as far as it shows: ``empty`` (no robots), ``ready`` (not started yet),
         ``running``, ``stopped`` or ``finished``.
     robots : tuple of RobotStatus
         In order of their ids, removed ones included.

@@ -1,4 +1,4 @@
-"""What there is: labs, start grids and parameters, as frozen records."""
+"""Labs, start grids and parameters, as frozen records."""
 
 __all__ = [
     "coordinates",

@@ -1,4 +1,4 @@
-"""What the fields of the world's records must be, asked when a record is made: the mistake is named."""
+"""Checks of the fields of the world's records when a record is made: the mistake is named."""
 
 from __future__ import annotations
 

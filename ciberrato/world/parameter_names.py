@@ -1,4 +1,4 @@
-"""What the simulation parameters are called in XML, by kind: attribute to field of `Parameters`.
+"""Names of the simulation parameters in XML, by kind: attribute to field of `Parameters`.
 
 The names follow from those of the fields (``compass_noise``: ``CompassNoise``), but for a few. They are those
 that the simulator announces. Parameter files differ in two of them; see `ciberrato.files.parameters`.

@@ -1,4 +1,4 @@
-"""What callers of a batch hand over, checked."""
+"""Checks of a batch's arguments."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _SIDEWAYS = np.array(SIDEWAYS)
 RIM = 1e-9
 """Units: nearer to the rim of a target than that, only `math.hypot` decides."""
 UNDECIDED = -2
-"""What the ground sensor reads there."""
+"""Reading of the ground sensor there."""
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 

@@ -98,7 +98,7 @@ class BatchStream:
     roots : sequence of NoiseRoot
         The worlds' seeds.
     use : str
-        What the numbers are for, as in a single simulation.
+        Purpose of the numbers, as in a single simulation.
     count : int
         Numbers a cycle, at most.
     normal : bool

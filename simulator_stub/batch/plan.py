@@ -1,4 +1,4 @@
-"""What stays the same in a batch: the labs, the sensors, and what follows from them."""
+"""Constants of a batch: the labs, the sensors, and the tables computed from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the robots of a batch are told."""
+"""Readings of the robots of a batch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What changes from cycle to cycle in a batch, apart from random numbers."""
+"""State of a batch that changes from cycle to cycle, apart from random numbers."""
 
 from __future__ import annotations
 

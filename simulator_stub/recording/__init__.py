@@ -1,1 +1,1 @@
-"""What a run leaves: log, truth, results, reference files; and the observers that write them."""
+"""Records of a run: log, truth, results, reference files; and the observers that write them."""

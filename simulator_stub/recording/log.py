@@ -36,7 +36,7 @@ class LogFile(WorldFile):
         Overwritten if it exists. Worlds after the first go into files of their own, with -2, -3, ... before
         the suffix.
     date : str
-        What the log says of its date, as C's ``ctime`` writes it; the only thing in it that the seed does not
+        Date in the log, as C's ``ctime`` writes it; the only thing in it that the seed does not
         fix.
     lost : callable
         Told when the record ends early; there is no ``</Log>`` in it then.

@@ -1,4 +1,4 @@
-"""What an observer of a run is, and files that hold one world each."""
+"""Interface of observers of a run, and files that hold one world each."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Results(Observer):
     dropped : callable or None
         Tells what was dropped in this world, by what it was, and by robots' ids.
     losses : list of str
-        What is reported of records that could not be kept so far; shared with those who keep them.
+        Losses to report: records that could not be kept so far; shared with those who keep them.
     current : bool
         Whether the file holds all runs so far.
 

@@ -1,4 +1,4 @@
-"""What a way of scoring is: it counts each robot's points, and says what the returning LED means."""
+"""Interface of scoring modes: they count each robot's points, and interpret the returning LED."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 class Scoring:
     """One scoring mode; one object serves all robots of a simulation.
 
-    What it remembers of a robot it keeps under the robot's id, or in the robot's score fields.
+    Its memory of a robot is kept under the robot's id, or in the robot's score fields.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ FREE = "X"
 
 
 class CellMap:
-    """What can be reached from a start cell.
+    """Cells that can be reached from a start cell.
 
     Parameters
     ----------

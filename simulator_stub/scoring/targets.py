@@ -30,12 +30,12 @@ FAR = 2**31 - 1
 
 @dataclass(slots=True)
 class _Account:
-    """What is known of one robot.
+    """Account of one robot.
 
     Attributes
     ----------
     points : int
-        What does not go away again: penalties, less what targets gave.
+        Points that stay: penalties, less the points of targets.
     arrival_distance : float
         Shortest way from the start to the place where the return began; 0 before.
     departure : int

@@ -96,7 +96,7 @@ def planning_text(drawing: TextMap, places: Sequence[Node], start: Node, links: 
     places : sequence of (column, row)
         Places of the targets, in their order.
     start : (column, row)
-        What is in the middle of the map.
+        Cell in the middle of the map.
     links : mapping of node to sequence of (node, length)
 
     Returns

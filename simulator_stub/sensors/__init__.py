@@ -27,4 +27,4 @@ SENSORS: tuple[type[Sensor], ...] = (
     Hearing,
     ScoreSensor,
 )
-"""What every robot carries. The order does not matter: each has its own random numbers."""
+"""Sensors that every robot carries. The order does not matter: each has its own random numbers."""

@@ -1,4 +1,4 @@
-"""What every sensor is: measured in each cycle, delivered late if so configured, sent if asked for."""
+"""Interface of sensors: measured in each cycle, delivered late if so configured, sent if asked for."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Reading = TypeVar("Reading")
 
 @dataclass(slots=True)  # not frozen: one is made in each cycle, and that takes twice as long
 class Scene:
-    """What sensors see of a cycle, beside their own robot.
+    """Surroundings of the sensors in a cycle, beside their own robot.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Scene:
     speakers : sequence of Robot
         The robots that say something in this cycle, in order of their ids, removed ones too.
     gps_offset : (float, float)
-        What the GPS adds to x and y, in units.
+        Offset that the GPS adds to x and y, in units.
     """
 
     robots: Sequence[Robot]
@@ -92,7 +92,7 @@ class Delay(Generic[Reading]):
     latency : int
         Cycles, at least 0.
     empty : Reading
-        What comes out until the first reading is old enough.
+        Reading until the first one is old enough.
     """
 
     __slots__ = ("_queue",)

@@ -1,4 +1,4 @@
-"""What robots hear: the messages of this cycle from all robots around, themselves included."""
+"""Hearing of the robots: the messages of this cycle from all robots around, themselves included."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ SIDEWAYS = (0.24, 0.16, 0.08, 0.0, -0.08, -0.16, -0.24)
 
 
 BITS = np.array([64, 32, 16, 8, 4, 2, 1])
-"""What the elements count in a number that stands for a reading."""
+"""Weights of the elements in a number that stands for a reading."""
 
 TEXTS = tuple(f"{marks:07b}" for marks in range(128))
 """The readings by that number."""

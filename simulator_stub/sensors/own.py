@@ -68,7 +68,7 @@ def report_other(fields: dict[str, Any], element: str, **values: float | str) ->
     Parameters
     ----------
     fields : dict
-        What `Sensor.report` or `Sensor.record` is handed.
+        Fields of `Sensor.report` or `Sensor.record`.
     element : str
         Name of the element.
     **values : float or str

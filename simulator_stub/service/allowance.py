@@ -1,4 +1,4 @@
-"""What a client may cost: so many bytes and messages a cycle, and what lies beyond waits in the system.
+"""Limits of a client: so many bytes and messages a cycle; more waits in the system.
 
 Reading stops when an allowance is used up, and goes on when it is renewed: over TCP the sender is held up
 then, over UDP the system drops what its buffer does not hold. Robots' allowances are renewed with each cycle,
@@ -55,7 +55,7 @@ DROPPED = (
     "connections",
     "views",
 )
-"""What may be dropped, by the names in the result file."""
+"""Kinds of messages that may be dropped, by their names in the result file."""
 
 SHORTEST_TICK = 0.005
 """Least number of seconds between renewals by the clock."""
@@ -117,7 +117,7 @@ class Meter:
 
 
 class Allowance:
-    """What may be spent until it is renewed.
+    """Allowance of bytes, messages and time until it is renewed.
 
     Parameters
     ----------

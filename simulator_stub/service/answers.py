@@ -27,7 +27,7 @@ TALKATIVE = 100
 
 
 class Answers:
-    """What is known of a robot's answers.
+    """Record of a robot's answers.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Answers:
     strikes : int
         How often in a row the process was not at rest before time was up.
     unanswered, several, late : int
-        What `counts` returns.
+        Counts that `counts` returns.
     """
 
     __slots__ = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class Attendance:
-    """What is counted of one robot in the running cycles of a run, until it has finished or was removed.
+    """Counts of one robot in the running cycles of a run, until it has finished or was removed.
 
     The protocol does not say which Measures a message answers: it counts for the newest ones that were sent
     before it came.

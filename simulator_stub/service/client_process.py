@@ -67,7 +67,7 @@ def watch_client(kind: str, client: Address, own: Address) -> ClientProcess | No
 
 
 class Activity(Enum):
-    """What a client does.
+    """Activities of a client.
 
     `RESTS`: it waits for a message, or for something else that may not come. `DOZES`: it lets time pass, and
     will go on by itself. `WORKS`: it computes, or waits for a processor.

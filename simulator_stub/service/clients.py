@@ -26,7 +26,7 @@ class RobotClient:
     robot_id : int
     peer : Peer
     messages : deque of Actions or ProtocolError
-        What has arrived and has not been read.
+        Messages that have arrived and have not been read.
     answered : bool
         Whether anything has arrived since the last Measures.
     complete : bool

@@ -89,7 +89,7 @@ class Session:
     audience : Audience
         Views and panels.
     dropped : Counter
-        What was dropped in this world, by `DROPPED`.
+        Number of dropped messages in this world, by `DROPPED`.
     before_measures : callable
         Called when a cycle is computed, and its Measures are about to go out: what has arrived by then
         does not answer them.

@@ -18,7 +18,7 @@ _SECONDS = 5.0
 def viewer_beside(address: str, http: str, token: str | None = None) -> Iterator[None]:
     """Run a viewer while the block runs.
 
-    What the viewer prints (where the page is) goes to our standard output. If it cannot start, it says so
+    The viewer's output (the address of the page) goes to our standard output. If it cannot start, it says so
     itself, and the simulator goes on without it.
 
     Parameters

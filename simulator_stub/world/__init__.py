@@ -1,1 +1,1 @@
-"""What is simulated: the world, its robots and their states, motion and noise."""
+"""The simulated world, its robots and their states, motion and noise."""

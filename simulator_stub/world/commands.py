@@ -1,4 +1,4 @@
-"""What a program may hand to a simulation as a robot's messages; the error for a robot that is not there."""
+"""Commands that a program hands to a simulation; the error for a robot that is not there."""
 
 from __future__ import annotations
 

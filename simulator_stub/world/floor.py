@@ -31,7 +31,7 @@ class Floor:
     Attributes
     ----------
     squares : dict of (column, row) to tuple of polygons
-        What is within `NEAR` of a square, by bounding boxes; squares with nothing near are not listed.
+        Polygons within `NEAR` of a square, by bounding boxes; squares with nothing near are not listed.
     """
 
     def __init__(self, lab: Lab) -> None:

@@ -71,7 +71,7 @@ class NoiseRoot:
         robot_id : int
             Position number; 0 for what belongs to the world.
         use : str
-            What the numbers are for.
+            Purpose of the numbers.
         running : bool
             Whether they are for running cycles.
 

@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class RobotState(Enum):
-    """What a robot is doing; the value is the word on the wire."""
+    """States of a robot; the value is the word on the wire."""
 
     STOPPED = "Stopped"
     RUNNING = "Running"

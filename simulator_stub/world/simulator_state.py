@@ -11,7 +11,7 @@ from enum import Enum
 
 
 class SimulatorState(Enum):
-    """What the simulator as a whole is doing; the value is the word for logs."""
+    """States of the simulator as a whole; the value is the word for logs."""
 
     READY = "Ready"
     """No robot has registered since the beginning, or since a Reset."""
@@ -24,7 +24,7 @@ class SimulatorState(Enum):
 
 
 class SimulatorEvent(Enum):
-    """What can change the simulator's state at the end of a cycle."""
+    """Events that can change the simulator's state at the end of a cycle."""
 
     CLIENT_ACCEPTED = "a robot or a view was accepted"
     START = "Start"
@@ -47,9 +47,9 @@ class SimulatorStateMachine:
     Attributes
     ----------
     current : SimulatorState
-        What this cycle does.
+        State in this cycle.
     coming : SimulatorState
-        What the next cycle will do, as far as this cycle has read; the buttons in Measures show it.
+        State in the next cycle, as far as this cycle has read; the buttons in Measures show it.
     """
 
     __slots__ = ("coming", "current")

@@ -24,7 +24,7 @@ class Controller:
     Parameters
     ----------
     header : RunHeader
-        What is known of the run: parameters, sensor angles, cruising speed.
+        Facts of the run: parameters, sensor angles, cruising speed.
     exit_at_wall : bool
         Whether the run is over when the robot stands before a wall.
     """
@@ -136,13 +136,13 @@ def make_cycle(
     tracker : CellTracker
         Which has observed them.
     crossing : Crossing or None
-        What it found.
+        Crossing that it found.
     command : (float, float) or None
         In effect from now on.
     answered : bool
         Whether it was sent in answer.
     phase : str
-        What the robot is doing.
+        Activity of the robot.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the agent is doing: its phases, what ends each, and nothing else.
+"""Phases of the drive to the right, and the events that end them.
 
 The simulator's Stop button does not change the phase: while it is pressed the motors get 0, and afterwards
 the agent goes on where it was.
@@ -10,7 +10,7 @@ from enum import StrEnum
 
 
 class Phase(StrEnum):
-    """What the agent is doing."""
+    """Activities of the agent."""
 
     WAITING = "waiting"
     """Registered; the simulation has not been started yet."""
@@ -23,7 +23,7 @@ class Phase(StrEnum):
 
 
 class Event(StrEnum):
-    """What ends a phase."""
+    """Events that end a phase."""
 
     STARTED = "started"
     """Start is on for the first time."""

@@ -1,4 +1,4 @@
-"""What walls beside and ahead of the robot say about where it is.
+"""Cues about the robot's place from walls beside and ahead of it.
 
 Labs are laid out in cells of 2 x 2 units. A wall between two cells is 0.2 thick, so its face is 0.9 from
 the cell's centre; the border of the lab is a line, 1.0 from it. Nothing else is assumed: a reading that

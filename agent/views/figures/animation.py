@@ -30,7 +30,7 @@ from ciberrato.world.lab import CELL_SIZE, Lab
 
 KINDS = (".gif", ".mp4", ".html")
 _Moment: TypeAlias = tuple[str, int | None]
-"""What a belief is called, and the cycle that it is of."""
+"""Name of a belief, and its cycle."""
 _BEFORE: _Moment = ("prior", None)
 
 

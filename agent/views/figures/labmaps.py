@@ -60,7 +60,7 @@ def sensor_cones(
     path : path-like
         The ending chooses the format.
     model : {"sensor", "cone"}
-        What the real sensor looks at, or the nearest point of the whole cone.
+        Sensor model: the real sensor's beams, or the nearest point of the whole cone.
     heading : float
         The robot's, degrees.
 

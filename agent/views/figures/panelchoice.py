@@ -15,18 +15,18 @@ LEAST_CUT = 2
 """Fewer panels than this are not worth a note."""
 
 _CERTAIN = 0.9995
-"""What three decimals show as 1.000."""
+"""Least probability that three decimals show as 1.000."""
 
 
 class Choice(NamedTuple):
-    """What is drawn.
+    """Choice of the steps to draw.
 
     Attributes
     ----------
     blocks : list of int
         In order, 0 = the prior.
     note : str
-        What is left out, and why; empty if nothing is.
+        Note about steps that are left out; empty if none are.
     """
 
     blocks: list[int]
@@ -41,7 +41,7 @@ def without_tail(quiet: Sequence[bool], reason: str) -> Choice:
     quiet : sequence of bool
         For each block, whether it shows nothing new.
     reason : str
-        What is said of those that are left out.
+        Reason for those that are left out.
 
     Returns
     -------

@@ -106,7 +106,7 @@ class BlockedShift:
     openings : Openings
         Where steps are possible.
     blocked : {"stay", "lose"}
-        What becomes of mass that a wall stops.
+        Treatment of mass that a wall stops.
     arrival : mapping of int to float
         Of a commanded n steps, the probability that n + key are made (0 if that is below 0): {0: 1.0} is
         exact, {-1: 0.1, 0: 0.8, 1: 0.1} slips and overshoots. Must sum to 1.

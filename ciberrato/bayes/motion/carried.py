@@ -36,7 +36,7 @@ class Carried:
     Attributes
     ----------
     carry : PoseCarry
-        What the belief's array does not hold at present.
+        Part of the belief that its array does not hold at present.
     """
 
     def __init__(self, model: _CarryingModel) -> None:

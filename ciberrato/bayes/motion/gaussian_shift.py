@@ -32,7 +32,7 @@ class GaussianShift:
     sigma : float
         Standard deviation of a step, in these units, 0 or more.
     edge : {"wrap", "stay", "lose"}
-        What becomes of mass that leaves the axis.
+        Treatment of mass that leaves the axis.
     axis : int
         Axis of the belief array.
     tail : float

@@ -1,4 +1,4 @@
-"""What motion models take, checked: beliefs, and commands as they come.
+"""Checks of the arguments of motion models: beliefs, and commands as they come.
 
 Numpy numbers, whole floats, lists and arrays mean what ints and tuples do.
 """

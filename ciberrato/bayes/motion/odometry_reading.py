@@ -1,4 +1,4 @@
-"""What odometry reports, how far it may be off, and what a prediction by it leaves out.
+"""Odometry readings, their errors, and the part that a prediction by them leaves out.
 
 Probabilistic Robotics, section 5.4 and table 5.5.
 """

@@ -92,7 +92,7 @@ def turn_drive_turn(
     Returns
     -------
     States
-        What was left out is counted before the drive may lose some of it: a bound for what is missing.
+        The mass left out is counted before the drive may lose some of it: a bound for the missing mass.
     """
     headings, directions = first.shape
     columns = free.shape[1]

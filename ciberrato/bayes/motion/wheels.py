@@ -38,7 +38,7 @@ from ciberrato.reprs import short_repr
 
 @dataclass(frozen=True, slots=True)
 class WheelCarry:
-    """What the belief's array does not hold.
+    """Part of the belief that its array does not hold.
 
     Attributes
     ----------

@@ -42,7 +42,7 @@ class BeamModel:
     resolution : float
         Step between readings, in units of length.
     unknown : {"raise", "uniform"}
-        What an expected range of nan means: an error in the map, or a beam that comes to a cell of which it
+        Meaning of an expected range of nan: an error in the map, or a beam that comes to a cell of which it
         is not known whether it is full (`OccupancyGrid.cast`). All readings are alike likely then, 1 / z_max,
         as section 6.4.3 has it for places that are not explored.
     """

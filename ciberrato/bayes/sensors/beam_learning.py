@@ -21,7 +21,7 @@ from ciberrato.reprs import short_repr
 
 
 class Learned(NamedTuple):
-    """What learning ends with.
+    """Result of learning.
 
     Attributes
     ----------

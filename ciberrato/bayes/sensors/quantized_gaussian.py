@@ -30,7 +30,7 @@ class QuantizedGaussian:
         Standard deviation before rounding, 0 or more; broadcasts against the means. 0: rounding alone, so
         that a mean either explains a reading or does not.
     step : float
-        What readings are multiples of; positive.
+        Step of which readings are multiples; positive.
     outlier : float
         Probability that a beam reads something else altogether, in [0, 1).
     outlier_readings : int

@@ -34,7 +34,7 @@ class ScanLikelihood:
     ----------
     table : ScanTable
     worth : FloatArray, shape (beams, 256)
-        What every code of a range adds to the log likelihood.
+        Log likelihood of each code of a range, by beam.
     """
 
     __repr__ = short_repr

@@ -99,7 +99,7 @@ def check_agent(
     jobs : int
         Rows at a time.
     readable : tuple of Path
-        What a sandbox shows besides the system and Python.
+        Files and folders that a sandbox shows besides the system and Python.
     step : callable
         Called after each row.
 
@@ -179,7 +179,7 @@ def judge_row(row: Row, document: dict[str, Any], registration: float) -> tuple[
     ----------
     row : Row
     document : dict
-        What `ciberrato.grading.supervisor` writes, with what the examiner saw as its ``run``.
+        Document that `ciberrato.grading.supervisor` writes, with the examiner's observations as its ``run``.
     registration : float
         Seconds that there were for it.
 

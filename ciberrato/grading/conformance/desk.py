@@ -32,7 +32,7 @@ _MOST_AT_ONCE = 10_000
 
 
 class Fault(Exception):  # noqa: N818 - it is the agent's, not ours
-    """What the agent did wrong, in words."""
+    """Fault of the agent, in words."""
 
 
 class Gone(Exception):  # noqa: N818 - to end is what some rows expect
@@ -186,7 +186,7 @@ class Desk:
         seconds : float
             How long to wait.
         what : Measures or None
-            What it answers, for the words of a fault.
+            Message that it answers, for the words of a fault.
         until_first : bool
             Return as soon as something has come, and all that is there by then is taken.
 

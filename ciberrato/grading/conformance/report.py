@@ -1,4 +1,4 @@
-"""What came of a check: for people, as JSON, and as JUnit XML."""
+"""Result of a check: for people, as JSON, and as JUnit XML."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Row:
     done, expected : str
         For people.
     hint : str
-        What to look for in the agent when it fails.
+        Likely cause in the agent when it fails.
     """
 
     __repr__ = short_repr

@@ -1,4 +1,4 @@
-"""What the examiner does in each row."""
+"""Scripts of the examiner, one for each row."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DOUBT = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What was seen, if it was no fault.
+    """Observation that is no fault.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What becomes of a grading: a site, and files for other programs.
+"""Reports of a grading: a site, and files for other programs.
 
 What a clock or a meter has measured stands in ``measured.csv`` and ``measured.js`` alone: all other files
 follow from agents, labs and seeds.

@@ -1,4 +1,4 @@
-"""What a tournament adds to the page: who beat whom, and every run with the places that were made in it."""
+"""Tournament's part of the page: who beat whom, and every run with the places reached in it."""
 
 from __future__ import annotations
 

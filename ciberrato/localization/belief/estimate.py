@@ -1,4 +1,4 @@
-"""What a belief amounts to: the pose, how certain it is, and what else it may be."""
+"""Estimates from a belief: the pose, its certainty, and the other hypotheses."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the other sensors and the start say: compass, collisions, ground, GPS, beacons, symmetry, start."""
+"""Evidence of the other sensors and the start: compass, collisions, ground, GPS, beacons, symmetry, start."""

@@ -207,7 +207,7 @@ class GpsTracker:
 
 
 class GpsOffset:
-    """What the GPS adds to the place, learnt while the pose is known.
+    """Offset that the GPS adds to the place, learnt while the pose is known.
 
     Parameters
     ----------

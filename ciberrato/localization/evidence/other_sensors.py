@@ -1,4 +1,4 @@
-"""What sensors other than IR say about the states of a belief."""
+"""Likelihoods of sensors other than IR."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def weigh_collision(belief: PoseBelief, way: float, exponent: float) -> None:
 
 
 class GroundSensor:
-    """What the ground sensor says: whether the robot is inside a target.
+    """Model of the ground sensor: whether the robot is inside a target.
 
     Parameters
     ----------

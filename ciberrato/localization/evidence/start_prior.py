@@ -1,4 +1,4 @@
-"""What is known of the start: the values of ``--start``, and the belief that each begins with."""
+"""Prior of the start: the values of ``--start``, and the belief that each begins with."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _APART = 1.0  # units
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartPrior:
-    """What is possible at the start.
+    """Possible poses at the start.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ def check_place(name: str, place: tuple[float, float], lab: Lab) -> None:
     Parameters
     ----------
     name : str
-        What the user called it, for the message.
+        Name of the option or argument, for the message.
     place : (float, float)
         Units.
     lab : Lab

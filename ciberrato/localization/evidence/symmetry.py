@@ -69,7 +69,7 @@ def find_turns(lab: Lab, walls: WallMap, places: Floats, resolution: float) -> l
     ----------
     lab : Lab
     walls : WallMap
-        What reflects IR.
+        Walls that reflect IR.
     places : array, shape (n, 2)
         Free places, spread evenly over the lab, in units.
     resolution : float
@@ -113,7 +113,7 @@ def share_alike(turn: Turn, walls: WallMap, places: Floats) -> float:
     ----------
     turn : Turn
     walls : WallMap
-        What reflects IR.
+        Walls that reflect IR.
     places : array, shape (n, 2)
         Units.
 
@@ -150,7 +150,7 @@ class PoseScore:
     obstacle_noise, compass_noise : float
         As announced.
     beacons : BeaconSense or None
-        What beacon readings are compared with.
+        Sensor model of the beacons.
     """
 
     def __init__(
@@ -235,7 +235,7 @@ class SymmetryCheck:
     obstacle_noise, compass_noise : float
         As announced.
     beacons : BeaconSense or None
-        What beacon readings are compared with.
+        Sensor model of the beacons.
     """
 
     def __init__(

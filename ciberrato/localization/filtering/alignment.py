@@ -80,7 +80,7 @@ class MessageAlignment:
         )
         """Messages that a moment waits for its readings."""
         self.wheels: Command = (0.0, 0.0)
-        """What the wheels gave in the last cycle taken in, in units, as far as the commands say."""
+        """Motion of the wheels in the last cycle taken in, in units, as far as the commands say."""
         self.time: int | None = None
         """Of the last message, in simulated cycles."""
         self.command: Command = (0.0, 0.0)
@@ -183,7 +183,7 @@ def dead_reckoned(found: PoseEstimate, wheels: Command, commands: list[Command])
     ----------
     found : PoseEstimate
     wheels : (float, float)
-        What they gave in the cycle before the first command.
+        Motion of the wheels in the cycle before the first command.
     commands : list of (float, float)
 
     Returns

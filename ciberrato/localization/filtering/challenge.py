@@ -91,7 +91,7 @@ class Challenge:
         command : (float, float) or None
             In effect since the message before.
         before : tuple
-            What the wheels gave before the message, and the time of the one before.
+            Motion of the wheels before the message, and the time of the one before.
 
         Returns
         -------

@@ -32,7 +32,7 @@ class Diffusion:
         ----------
         belief : PoseBelief
         left, right : float
-            What the wheels gave, in units.
+            Motion of the wheels, in units.
         settings : FilterSettings
         """
         wheel_variance = (2.0 * self._noise / 100.0) ** 2 * (left**2 + right**2)

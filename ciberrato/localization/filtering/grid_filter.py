@@ -91,7 +91,7 @@ class GridFilter:
         self.alignment = MessageAlignment(parameters)
         self.alarm = Alarm()
         self.gps = GpsSense(parameters.gps_linear_noise, parameters.motors_noise) if parameters.gps else None
-        """What the filter has learnt from a GPS; None without one."""
+        """Knowledge about the GPS; None without one."""
         self.last_step: FilterStep | None = None
         """The step taken in last."""
         self.restarts: list[int] = []

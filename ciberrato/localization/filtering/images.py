@@ -1,4 +1,4 @@
-"""What a claim is worth in a lab that looks the same turned round: shared with the turned images."""
+"""Claims in a lab that looks the same turned round: shared with the turned images."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class TurnedImages:
     Parameters
     ----------
     check : SymmetryCheck
-        What the readings say.
+        Comparison of the readings with the lab's symmetry.
     start : StartPrior
     gps : GpsSense or None
     """

@@ -19,7 +19,7 @@ from ciberrato.world.lab import Lab
 
 @dataclass(frozen=True, slots=True)
 class TableRequest:
-    """What to compute, and where to put it."""
+    """Tables to compute, and the file for them."""
 
     __repr__ = short_repr
 

@@ -102,7 +102,7 @@ def write_tables(path: Path, tables: PoseTables) -> None:
     path : Path
         Its folder is made if need be.
     tables : PoseTables
-        What `PoseTables.complete` adds is kept, too.
+        Tables to keep, with those that `PoseTables.complete` adds.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     lattice = tables.lattice

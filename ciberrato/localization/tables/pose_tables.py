@@ -1,4 +1,4 @@
-"""What the sensors of a robot would read in every state of a lattice: the tables of the pose filter.
+"""Tables of the pose filter: the readings of a robot's sensors in every state of a lattice.
 
 The distance that a sensor takes depends on the robot's place and on the sensor's absolute direction only:
 with directions in even steps, one table serves all sensors whose mounting angles are multiples of the

@@ -1,4 +1,4 @@
-"""What the server needs of a transport, and what a client looks like from inside the simulator."""
+"""Interfaces of a transport for the server, and of a client inside the simulator."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from simulator_stub.service.allowance import Meter
 from simulator_stub.service.readiness import Readiness
 
 NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-"""What is wrong where the system has no descriptor, or no memory, for one more socket: it may have later."""
+"""Errors of a system without a descriptor, or memory, for one more socket: it may have them later."""
 
 Ends = tuple[str, tuple[str, int], tuple[str, int]]
 
@@ -82,7 +82,7 @@ class Newcomer(ABC):
     source : str
         The address of its machine.
     followers : list of bytes or None
-        What came behind a registration that waits; None while none waits.
+        Messages after a registration that waits; None while none waits.
     faults : int
         Messages that were no registrations.
     """
