@@ -1,4 +1,4 @@
-"""How often the most likely cell is the true one: both presets and the enumeration, over many drives.
+"""Frequency of right most likely cells: both presets and the enumeration, over many drives.
 
 ``python -m benchmarks.accuracy --runs 200`` drives the agent's tracker and pilot in the simulation, in one
 process, on `standard`, `corridors` and `maze`, each run from a start cell drawn at random, with the real
@@ -43,7 +43,7 @@ LONGEST = 700
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What one run gave: the readings, where the robot really was, and how far off the centre."""
+    """Result of one run: the readings, the true places, and their distances from the centres."""
 
     crossings: tuple[Crossing, ...]
     cells: tuple[Cell, ...]
@@ -113,7 +113,7 @@ class Score:
 
 @dataclass(slots=True)
 class Outcome:
-    """What one drive adds to the table."""
+    """Entries of one drive in the table."""
 
     scores: dict[str, Score]
     difference: float

@@ -1,4 +1,4 @@
-"""How the live pose filter keeps up: agent and simulator as real processes over UDP, in real time.
+"""Deadlines of the live pose filter: agent and simulator as real processes over UDP, in real time.
 
 Rows are the slowest hundredth of answers (arrival of Measures to the answer); medians, cycles lost, when the
 tables came and what memory they took are in the notes. A machine that does other things at once shows that
@@ -28,7 +28,7 @@ _NUMBER = r"([\d.]+)"
 
 @dataclass(frozen=True, slots=True)
 class Live:
-    """What an agent said about itself at the end of a run; times in seconds, memory in megabytes."""
+    """Figures that an agent prints at the end of a run; times in seconds, memory in megabytes."""
 
     loops: str
     filter: tuple[float, float, float]

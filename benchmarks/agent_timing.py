@@ -1,4 +1,4 @@
-"""How long the agent takes to register, to end, and to find its window: real processes on loopback."""
+"""Times of the agent to register, to end, and to find its window: real processes on loopback."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How right the live filter is on a bad network and a busy machine: of cells said 0.9, are 0.9 right?
+"""Calibration of the live filter on a bad network and a busy machine: of cells said 0.9, are 0.9 right?
 
 ``python -m benchmarks.bad_links --runs 20 --figure docs/figures/bad-links.png`` drives the agent's controller
 and the simulation in one process, in virtual time, so that neither the machine nor its load has a say: each
@@ -36,7 +36,7 @@ _LEVELS = (0.5, 0.7, 0.85, 0.95, 0.99, 1.0001)
 
 @dataclass(frozen=True)
 class Condition:
-    """What befalls messages and the agent's process.
+    """Faults of messages and of the agent's process.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Condition:
     cut : float
         Seconds of each of four outages, in both directions.
     cut_down_only : bool
-        Whether what the agent sends still arrives meanwhile.
+        Whether the agent's messages still arrive meanwhile.
     stall : float
         Longest pause of the agent's process, in seconds, after each message that it has processed.
     """
@@ -75,7 +75,7 @@ CONDITIONS = (
 
 @dataclass
 class Outcome:
-    """What a run gave.
+    """Outcome of a run.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What one core can read and write: the bound that large beliefs run into."""
+"""Memory bandwidth of one core: the bound that large beliefs run into."""
 
 from __future__ import annotations
 

@@ -15,9 +15,9 @@ class Row:
     Attributes
     ----------
     group : str
-        What was done: rows of one group are compared.
+        Task: rows of one group are compared.
     who : str
-        Which program did it.
+        Program that did it.
     seconds : float or None
         Time for doing it once; None if it could not be measured (the note says why).
     reference : bool

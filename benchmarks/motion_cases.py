@@ -63,7 +63,7 @@ class Model(NamedTuple):
     carried : bool
         Whether fractions of cells are carried, or there are none.
     apart : float
-        How far the ends of the ways of two neighbouring headings are apart, in cells.
+        Distance of the ends of two neighbouring headings' paths, in cells.
     """
 
     sample: Callable[[np.ndarray, np.random.Generator, bool], np.ndarray]

@@ -1,4 +1,4 @@
-"""How right the motion models are: `python -m benchmarks.motion_exactness` prints a table.
+"""Exactness of the motion models: `python -m benchmarks.motion_exactness` prints a table.
 
 Each model makes ten steps from a point mass, for ways of 1/1000 to 30 cells and noise of 1/1000 to 10 cells,
 forward, backward, turning and still. The same model is sampled 100,000 times in continuous space, from the
@@ -46,7 +46,7 @@ BLOCK = 8
 
 
 class Deviation(NamedTuple):
-    """How far a belief is from the samples.
+    """Distance of a belief from the samples.
 
     Attributes
     ----------

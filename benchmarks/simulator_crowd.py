@@ -32,7 +32,7 @@ _REGISTRATION = b'<Robot Id="%d" Name="robot %d"/>\0'
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crowd:
-    """What came of a run with many robots.
+    """Outcome of a run with many robots.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How often the agent says that the lab is wrong: in runs with the right one, and in runs with another.
+"""Frequency of the agent's alarm that the lab is wrong: in runs with the right one, and in runs with another.
 
 ``python -m benchmarks.wrong_map`` simulates drives to the right from cell centres, and holds each against its
 own lab and against another (the published method, `agent.offline.map_fit`). ``--live`` does so with the pose
@@ -36,7 +36,7 @@ LONGEST = 600  # cycles of a drive to the right
 
 
 class Outcome(NamedTuple):
-    """What a run came to: its lab, the lab that it was told, the statistic, whether that is an alarm."""
+    """Outcome of a run: its lab, the lab of the agent, the statistic, and whether it is an alarm."""
 
     world: str
     told: str

@@ -69,7 +69,7 @@ class Output:
     def __init__(self, stream: IO[str] | None) -> None:
         self._stream = stream
         self.fault: OSError | None = None
-        """Why something was dropped: the disk is full, the reader of the pipe has gone."""
+        """Error that made it drop output: the disk is full, the reader of the pipe has gone."""
 
     def write(self, text: str) -> int:
         """Write the text, or drop it."""

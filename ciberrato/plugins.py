@@ -213,7 +213,7 @@ def guarded(kind: type, label: str, methods: Iterable[str]) -> type:
     ----------
     kind : type
     label : str
-        Which part it is, and whose; see `ciberrato.plugins.Part`.
+        Name of the part and of its distribution; see `ciberrato.plugins.Part`.
     methods : iterable of str
         Methods that a simulation calls, and properties that it reads.
 

@@ -1,4 +1,4 @@
-"""How records are shown in a session: on one line, and short, however large what they hold."""
+"""Representations of records in a session: on one line, and short, however large their contents."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from examples.viewer_figures import shrink
 from simulator_stub.simulation import Simulation
 
 ANIMATION_FRAME = 34
-"""Which frame of the animation is shown as a picture: one with the robot on its way."""
+"""Frame of the animation that is shown as a picture: one with the robot under way."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -85,7 +85,7 @@ def draw_all(run: Path, target: Path) -> None:
     run : Path
         Folder of a demonstration's files.
     target : Path
-        Where the figures go.
+        Folder of the figures.
 
     Raises
     ------

@@ -34,7 +34,7 @@ NOISE = 0.1
 
 
 class Run(NamedTuple):
-    """What the filter saw and concluded.
+    """Readings and conclusions of the filter.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ DETECTOR = DoorDetector(doors=DOORS, sigma=90.0 / 4.0, seen=1.0, false_alarm=1e-
 
 
 class Drive(NamedTuple):
-    """What happened.
+    """Outcome of a walk.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Drive(NamedTuple):
     odometry : FloatArray, shape (500,)
         Way measured in each step, cm.
     door : IntArray, shape (500,)
-        Which door was passed in the step, -1 for none.
+        Index of the door passed in the step, -1 for none.
     """
 
     truth: FloatArray

@@ -27,14 +27,14 @@ NEAR = 3.0
 
 
 class Learning(NamedTuple):
-    """What came of it.
+    """Outcome of learning.
 
     Attributes
     ----------
     mean : array, shape (WEIGHTS,)
         Weights of the last mean policy.
     rewards : array, shape (generations, policies)
-        What each policy of each generation got in an episode, on average.
+        Mean return of an episode, of each policy of each generation.
     """
 
     mean: Floats
@@ -94,7 +94,7 @@ def learn(
     Parameters
     ----------
     generations, policies, episodes, steps : int
-        How many generations of how many policies, in how many worlds each is tried, and cycles of an episode.
+        Numbers of generations, of policies, of worlds for each policy, and of cycles of an episode.
     seed : int
     floor : float
         Least standard deviation of a weight.

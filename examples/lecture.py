@@ -45,7 +45,7 @@ class Solution(NamedTuple):
     Attributes
     ----------
     terms : dict
-        What each cell (x, y) adds to P(x = (2, 3) | o).
+        Part of each cell (x, y) in P(x = (2, 3) | o).
     predicted, posterior, posterior_if_nearer : FloatArray, shape (4, 4)
         [x - 1, y - 1]. `posterior` is for p(z = 1.2 | x) = 0.04 in every cell, `posterior_if_nearer` for a
         sensor that gives 0.04 in column 2 and 0.01 elsewhere.

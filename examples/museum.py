@@ -86,7 +86,7 @@ class Museum(NamedTuple):
 
 
 class Tour(NamedTuple):
-    """What happened; poses are x / m, y / m, heading / rad.
+    """Outcome of a drive; poses are x / m, y / m, heading / rad.
 
     Attributes
     ----------

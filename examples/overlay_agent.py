@@ -44,7 +44,7 @@ POSE_SIGMA = 0.25
 
 
 class ColumnFilter:
-    """Where in the lab, if every step leads one cell to the right.
+    """Place in the lab, if every step leads one cell to the right.
 
     Parameters
     ----------

@@ -43,11 +43,11 @@ SLOW, FAST = 0.01, 0.1
 MISFIT = 2.0
 """Nats by which the faster one is below the slower one before there are any."""
 NEAR, TURNED = 0.5, math.radians(10.0)
-"""What the probability of an estimate is about: all poses so near, and turned so little."""
+"""Distance and turn within which poses count for the probability of an estimate."""
 
 
 class Estimate(NamedTuple):
-    """Where the robot is: units, radians, and the weight of the particles around."""
+    """Pose of the robot: units, radians, and the weight of the particles around."""
 
     x: float
     y: float

@@ -76,7 +76,7 @@ class Simulation:
         Offset of every GPS in x and y, in units: drawn when a world begins; may be set before the robots
         drive.
     worlds : int
-        How often a world has begun: at first, and after each `reset` and `restart`.
+        Number of worlds that have begun: at first, and after each `reset` and `restart`.
 
     Examples
     --------

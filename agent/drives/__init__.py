@@ -1,4 +1,4 @@
-"""Where to go: deciders that turn what the pose filter knows into motor commands, one policy a file.
+"""Drives: policies that turn the pose filter's belief into motor commands, one a file.
 
 A new one is a new module and a line in `DRIVES`; see docs/extending.md.
 """

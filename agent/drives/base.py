@@ -23,7 +23,7 @@ class Decision:
     end_led, returning_led, visiting_led : bool or None
         LEDs to set; None leaves them.
     finished : str or None
-        Why the policy has nothing more to do, as soon as that is so.
+        Reason why the policy has nothing more to do, as soon as there is one.
     """
 
     command: Command = STANDSTILL

@@ -20,7 +20,7 @@ _BACKWARDS: Command = (-0.1, -0.1)
 _LEAST_TURN = math.radians(50.0)
 _MOST_TURN = math.radians(360.0)
 _SIDE = 0.2
-"""How much nearer a side must read to be turned away from; else all turns of a run go the same way round."""
+"""Least difference of the sides' readings to turn away from one; else all turns have the same sense."""
 
 
 class SensorDrive:

@@ -1,4 +1,4 @@
-"""Which cells a robot can drive between, from centre to centre, and which path it takes.
+"""Graph of the cells between which a robot can drive, from centre to centre, and its paths.
 
 Two neighbouring cells are *joined* if the straight path between their centres keeps clear of all walls, as
 the lattice's clearance has it; a cell whose centre has no place for the robot is joined to none. So cells
@@ -43,7 +43,7 @@ class Beginning:
     ----------
     cell : (int, int)
     cycles : float
-        How long it takes to get to its centre.
+        Time to get to its centre.
     heading : float
         Radians; with which the robot gets there.
     """
@@ -87,7 +87,7 @@ class CellGraph:
         ----------
         beginnings : sequence of Beginning
         seen : array, shape (rows, columns)
-            When the robot was last in each cell; minus infinity for never.
+            Time at which the robot was last in each cell; minus infinity for never.
         closed : callable
             Says of an edge whether it is not to be taken.
 

@@ -143,7 +143,7 @@ def plan(
     noise : float
         Standard deviation of a reading.
     barred : array of bool, shape (8,)
-        Which first turns, in steps of 45 degrees to the left, are not to be made.
+        Mask of first turns, in steps of 45 degrees to the left, that are not allowed.
 
     Returns
     -------

@@ -48,7 +48,7 @@ class Exchange:
         self.longest_gap = 0
         """Most cycles in a row whose Measures never came."""
         self.stops = 0
-        """How often the robot was stopped as nothing was heard."""
+        """Number of times that the robot was stopped as nothing was heard."""
         self.begun_again = False
         """Whether several messages in a row have said that another run has begun."""
         self.lockstep = False
@@ -105,7 +105,7 @@ class Exchange:
         Parameters
         ----------
         arrived : float or None
-            When the message arrived; None = not known, taken to be after the last answer.
+            Time of the message's arrival; None = not known, taken to be after the last answer.
         time : int or None
             Time of the message, in simulated cycles. After lost messages it is not known whether a stop has
             reached the robot: then it is not counted, and the filter allows for both.

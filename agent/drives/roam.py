@@ -24,7 +24,7 @@ from ciberrato.protocol.messages import Measures
 
 _TURN_POWER = 0.15
 SPRINT = 1.5
-"""How much faster than cruising the robot drives where nothing is near."""
+"""Factor of the cruising speed where nothing is near."""
 _CURVATURES = np.array([-1.2, -0.7, -0.35, -0.15, 0.0, 0.15, 0.35, 0.7, 1.2])
 _LOOK_AHEAD = 0.8
 _MOST_RISK = 0.04

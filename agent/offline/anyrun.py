@@ -22,7 +22,7 @@ class Recorded(NamedTuple):
     lab : Lab or None
         None where the log names its lab only, as the agent's does.
     truth : dict of int to (x, y, heading), or None
-        Where the robot really was, by cycle; None where the log does not know.
+        True poses of the robot, by cycle; None if the log does not hold them.
     """
 
     run: RecordedRun
@@ -45,7 +45,7 @@ def read_recorded(
     angles : tuple of four float
         Angles of the IR sensors in degrees, for a simulator's log, which does not hold them.
     robot : int or None
-        Which one of a simulator's log; None = the first.
+        Robot of a simulator's log; None = the first.
     salvage : callable, optional
         Told of lines of an agent's log that cannot be read and are left out; see `read_run`.
 

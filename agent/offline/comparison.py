@@ -1,4 +1,4 @@
-"""How two belief files differ: where, by how much, and how far the beliefs are apart."""
+"""Differences of two belief files: the places, the amounts, and the distance of the beliefs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Comparison:
     greatest : ndarray, shape (blocks,)
         Greatest absolute difference of a block.
     cells : tuple of (row, column)
-        Where it is.
+        Cell of that difference, by block.
     divergence : ndarray, shape (blocks,)
         Jensen-Shannon divergence in bits: 0 = equal, 1 = no cell in common; nan where a block is undefined.
     surplus : (int, int)

@@ -40,7 +40,7 @@ class ExpectedReadings:
         Pose errors that a robot may have when it takes the reading of a step: ahead and to the left of the
         cell's centre in units, heading in radians.
     weights : ndarray, shape (K,)
-        How likely each of them is; they sum to 1.
+        Probability of each of them; they sum to 1.
     spread : ndarray, shape (K, rows, columns, 4), or None
         Readings at the cell centres displaced by each pose error; None where motors have no noise.
     """

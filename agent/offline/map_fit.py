@@ -32,7 +32,7 @@ DOUBT, MOST_DOUBT = 4.5, 7.0
 in which the errors of the pose last from cell to cell (`benchmarks.wrong_map`)."""
 _OUTLIER = 0.02
 _STRAY, _BESIDE = 0.1, 0.15
-"""How often a robot is farther off the centre than its error at one crossing says, as errors last from cell
+"""Probability that a robot is farther off the centre than its error at a crossing, as errors last from cell
 to cell; and by how many units: a reading 1/distance is off by that times its square."""
 _LEAST_VARIANCE = 0.25  # of the surprise of a reading
 _LASTING = 0.9
@@ -45,7 +45,7 @@ _MOST = 9.0
 
 
 class Fit(NamedTuple):
-    """How the readings fit.
+    """Fit of the readings.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ def replay_poses(run: RecordedRun, lab: Lab, chosen: Callable[[int, Cycle], bool
     Parameters
     ----------
     run : RecordedRun
-        Where it was told to begin is not in the log: any pose counts as possible.
+        Recorded run. The log does not hold its start: any pose counts as possible.
     lab : Lab
     chosen : callable
         Says by a cycle's index and record whether its belief is kept.

@@ -36,7 +36,7 @@ class LogReplay:
     Attributes
     ----------
     poses : dict of int to (x, y, heading)
-        Where it really was, by cycle; units and degrees.
+        True poses, by cycle; units and degrees.
     """
 
     def __init__(self, log: LogHeader, angles: SensorAngles, robot: int) -> None:

@@ -26,7 +26,7 @@ class Peak:
     cells : tuple of (row, column)
         All cells that share the greatest probability, left to right, bottom row first.
     probability : float
-        That of each one of them.
+        Probability of each one of them.
     """
 
     cells: tuple[Cell, ...]
@@ -90,7 +90,7 @@ def step_table(
     beliefs : ndarray, shape (blocks, rows, columns)
         The prior first. Blocks of nan are said to be undefined.
     true_cells : sequence of (row, column) or None
-        Where the robot was at each block, if it is known (None for the prior).
+        Cell of the robot at each block, if it is known (None for the prior).
     notes : sequence of str
         A remark for each block, at the end of its line.
 

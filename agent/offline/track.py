@@ -1,4 +1,4 @@
-"""Where the robot was over a run, in the lab's frame, as far as the log and the beliefs show."""
+"""Track of the robot over a run, in the lab's frame, as far as the log and the beliefs show."""
 
 from __future__ import annotations
 

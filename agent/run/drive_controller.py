@@ -51,9 +51,9 @@ class DriveController:
     ) -> None:
         self.exchange = Exchange(parameters)
         self.ended: str | None = None
-        """Why the run is over, as soon as it is."""
+        """Reason for the end of the run, as soon as there is one."""
         self.finished: str | None = None
-        """Why the drive has nothing more to do, as soon as that is so."""
+        """Reason why the drive has nothing more to do, as soon as there is one."""
         self._drive = drive
         self._localizer = localizer
         # Until the filter has tables, and has caught up with what was driven without them.
@@ -73,7 +73,7 @@ class DriveController:
         newest : bool
             Whether no newer message is waiting: only the newest is answered.
         arrived : float or None
-            When it arrived; see `Exchange.under_way`.
+            Time of its arrival; see `Exchange.under_way`.
 
         Returns
         -------

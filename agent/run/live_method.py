@@ -38,7 +38,7 @@ class LiveSettings:
     ----------
     drive : {"right", "explore", "active", "goto"}
     goal : (float, float) or None
-        Where ``goto`` goes, in units.
+        Goal of ``goto``, in units.
     start : str
         Prior of the start, see `ciberrato.localization.evidence.start_prior.parse_start`.
     smooth : bool

@@ -118,7 +118,7 @@ class Responder(Protocol):
 
 
 class Method(Protocol):
-    """How the agent finds out where its robot is; a session calls this, from top to bottom."""
+    """Interface of a localization method; a session calls it, from top to bottom."""
 
     def prepare(self) -> bool:
         """Prepare the registration; return whether to go on."""
@@ -152,7 +152,7 @@ class Method(Protocol):
         run : RecordedRun or None
             None if the simulator never answered.
         reason : str
-            Why the run is over.
+            Reason for the end of the run.
         stop : callable
             Stops the robot.
         """

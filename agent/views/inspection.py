@@ -35,7 +35,7 @@ def inspect(
     lab : Lab or None
         Draw its walls over the beliefs.
     out : text stream
-        Where to print; standard output if None.
+        Stream for the text; standard output if None.
     width : int
         Columns of the terminal.
     colour : bool

@@ -117,7 +117,7 @@ class SimulatorLogFollower:
     run : RecordedRun
         So far.
     poses : dict of int to (x, y, heading)
-        Where the robot really was, by cycle.
+        True poses of the robot, by cycle.
 
     Raises
     ------

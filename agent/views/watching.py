@@ -118,7 +118,7 @@ def screen(
         Width and height of the terminal.
     colour : bool
     true_pose : (x, y, heading) or None
-        Where the robot really is, units and degrees, if the log holds it.
+        True pose of the robot, units and degrees, if the log holds it.
 
     Returns
     -------

@@ -43,14 +43,14 @@ DELIBERATE = {
     "DOCTYPE": "document types are refused, for the entities they may define",
     "is not supported": "declared encodings other than UTF-8, ASCII and Latin-1 are refused",
 }
-"""What our decoders refuse and the real simulator takes: a part of the complaint, and why."""
+"""Messages that our decoders refuse and the real simulator takes: a part of the complaint, and why."""
 
 _COMPLAINTS = {
     "main": "Fail parsing xml message\n",
     "robot": 'cbRobot::Fail parsing xml action message: "',
     "view": "cbView::Fail parsing xml view message\n",
 }
-"""How each complaint begins on its line; the first two go on with the message."""
+"""Begin of each complaint on its line; the first two go on with the message."""
 
 _DECODERS: dict[str, Callable[[bytes], ClientMessage]] = {
     "main": decode_registration,

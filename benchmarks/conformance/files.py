@@ -17,7 +17,7 @@ from ciberrato.labs import find_grid, find_lab, names
 from ciberrato.world.lab import Lab
 
 DEFAULT_LAB = "(default)"
-"""How golden files name the built-in lab."""
+"""Name of the built-in lab in golden files."""
 
 
 def find_lab_file(name: str, labs: Path | None) -> Path | None:
@@ -80,7 +80,7 @@ def numbers(path: Path, columns: tuple[str, ...], group: str) -> Iterator[tuple[
     ----------
     path : Path
     columns : tuple of str
-        Which columns, in this order.
+        Columns, in this order.
     group : str
         Column whose equal neighbouring values make a group.
 

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What one check found.
+    """Result of one check.
 
     Attributes
     ----------
     check : str
         ``room: what``.
     cases : int
-        How many things were compared; 0 where there was nothing to compare.
+        Number of things compared; 0 where there was nothing to compare.
     difference : float or None
         The greatest difference, in the unit of what is compared; None where it makes no sense.
     passed : bool
     note : str
-        What the numbers mean, which exceptions there are and why, or where the first fault is.
+        Meaning of the numbers, the exceptions and their reasons, or the place of the first fault.
     """
 
     check: str

@@ -49,13 +49,13 @@ class Drive:
     ----------
     walls : WallMap
     poses, wanted : list of (x, y, heading)
-        Where the robots are, and where they wanted to be.
+        Poses of the robots, and the poses that they would have without collisions.
     inputs, outputs : list of (left, right)
         Motor commands as clamped, and powers as filtered.
     wall, robot : list of bool
         Whether they collide in this cycle.
     collisions : list of int
-        How many collisions began.
+        Number of collisions that began.
     """
 
     walls: WallMap

@@ -154,7 +154,7 @@ def homogeneity(one: Counter[float], other: Counter[float]) -> tuple[float, int]
     Parameters
     ----------
     one, other : Counter
-        How often each value was seen; NaN counts as a value of its own.
+        Frequency of each value; NaN counts as a value of its own.
 
     Returns
     -------

@@ -23,10 +23,10 @@ class Datagram:
     Attributes
     ----------
     source : str
-        Where it was read, file and line.
+        File and line from which it was read.
     data : bytes
     port : str
-        What the simulator has behind the port it was sent to, or from; "unread" where it does not read.
+        Owner, in the simulator, of the port it was sent to, or from; "unread" where it does not read.
     """
 
     source: str
@@ -44,7 +44,7 @@ class Session:
     from_clients, from_simulator : tuple of Datagram
         In the order of the recording.
     output : str
-        What the real simulator printed; its complaints are always there, since they are not buffered.
+        Output of the real simulator; its complaints are always there, since they are not buffered.
     died : bool
         Whether the real simulator came to an end by itself, with datagrams unread.
     """

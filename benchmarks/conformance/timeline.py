@@ -1,4 +1,4 @@
-"""When the real simulator read what: recorded sessions cut into cycles.
+"""Times at which the real simulator read its messages: recorded sessions cut into cycles.
 
 The recorder's clock is good for what it sent. What it received carries the time at which it got round to
 reading, so whole stretches may collapse into one moment. But a robot gets one Measures a cycle, so counting
@@ -78,9 +78,9 @@ class Timeline:
         Of the real simulator's command line.
     main_port : int
     inputs : dict of int to list of Event
-        What the simulator read in each cycle, in order.
+        Messages that the simulator read in each cycle, in order.
     answers : dict of int to list of Event
-        What it sent from each port, in order.
+        Messages that it sent from each port, in order.
     cycle_of : dict of int to int
         The cycle of an answer that counting or the clock tells, by its line number.
     last_cycle : int
@@ -166,7 +166,7 @@ def _period(arguments: list[str], files: Path) -> float:
 
 
 class _Clock:
-    """When each cycle took place, from all that is known of some."""
+    """Times of all cycles, from those that are known."""
 
     def __init__(self, period: float) -> None:
         self.period = period

@@ -27,7 +27,7 @@ from simulator_stub.service.transports import Newcomer, Peer
 from simulator_stub.simulation import Simulation
 
 GPS_OFFSET = (840.1877167634666, 394.38292663544416)
-"""What the real simulator adds until its first Reset, always."""
+"""Attributes that the real simulator adds until its first Reset, always."""
 
 UNSENT_SLACK = 2
 """Cycles at the end of a recording whose answers the recorder may not have waited for."""
@@ -40,7 +40,7 @@ FOREIGN = "taken from a socket that is not the robot's (our UDP transport drops 
 
 @dataclass(slots=True)
 class Replay:
-    """What came of one session.
+    """Outcome of one session.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Replay:
     deliberate : Counter of str
         Answers that differ on purpose, by the reason.
     wrong : list of str
-        What else differs.
+        Other differences.
     foreign : int
         Datagrams that the real simulator took from a stranger.
     moved : frozenset of int
@@ -229,7 +229,7 @@ class _Replayer:
     peers : dict of int to _RecordingPeer
         By the real simulator's ports.
     asked : list of Registration
-        What was answered.
+        Answers.
     cycle : int
         The cycle that is going on.
     """

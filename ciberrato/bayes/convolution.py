@@ -153,11 +153,11 @@ def fold(full: FloatArray, first: int, size: int, edge: Edge, axis: int) -> Floa
     full : FloatArray
         Along `axis`, entry j lies at cell j + first.
     first, size : int
-        Where it begins, and the cells that there are.
+        First cell, and number of cells.
     edge : {"wrap", "stay", "lose"}
         Treatment of entries off the grid.
     axis : int
-        Which one, counted from 0.
+        Index of the axis, counted from 0.
 
     Returns
     -------
@@ -209,7 +209,7 @@ def convolve(
     edge : {"wrap", "stay", "lose"}
         Treatment of mass that leaves the axis.
     axis : int
-        Which one.
+        Index of the axis.
 
     Returns
     -------

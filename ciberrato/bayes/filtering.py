@@ -84,7 +84,7 @@ def update(
     on_impossible : {"raise", "keep", "uniform", "likelihood"}
         Action if no state with mass explains the reading; see `ciberrato.bayes.recovery`.
     out : FloatArray, optional
-        Where to write the posterior; may be `belief` or `log_likelihood` itself.
+        Array for the posterior; may be `belief` or `log_likelihood` itself.
 
     Returns
     -------

@@ -41,9 +41,9 @@ class MarkovFilter:
     log_evidence : float
         Sum of the log evidence of all possible readings so far, mass lost in predictions included.
     recoveries : int
-        How often a reading was impossible and the policy decided.
+        Number of readings that were impossible, so that the policy decided.
     lost : int
-        How many states a prediction has set to zero, because their probability was below the
+        Number of states that a prediction has set to zero, because their probability was below the
         smallest double, although a later reading could have favoured them; 0 with `log=True`.
     """
 

@@ -104,11 +104,11 @@ class SelectiveFilter:
     passive : float
         Estimate of the probability that the robot is not in an active state.
     looks : int
-        How often a reading has refuted the belief, and all states have been computed again.
+        Number of readings that have refuted the belief, so that all states were computed again.
     log_evidence : float
         Sum of the log evidence of all possible readings.
     recoveries : int
-        How often a reading was impossible and the policy decided.
+        Number of readings that were impossible, so that the policy decided.
     """
 
     def __init__(

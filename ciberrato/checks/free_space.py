@@ -1,4 +1,4 @@
-"""Where a robot can be in a lab, and from where to where it can drive."""
+"""Free space of a lab: the places in which a robot can be, and between which it can drive."""
 
 from __future__ import annotations
 

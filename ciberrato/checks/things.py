@@ -116,7 +116,7 @@ def reach_findings(file: LabFile, space: FreeSpace, starts: Sequence[tuple[float
     space : FreeSpace
         Space of the lab.
     starts : sequence of (x, y)
-        Where robots start; empty: in target 0, by custom.
+        Start places of robots; empty: in target 0, by custom.
     """
     found = []
     sizes = [len(space.places(part)) for part in range(int(space.part.max()) + 1)]

@@ -28,7 +28,7 @@ class Channel(Protocol):
     """Carrier of a robot's messages."""
 
     place: str
-    """Where the simulator is, for people."""
+    """Address of the simulator, for people."""
     waits: bool
     """Whether `receive` waits, for messages that may still come."""
 
@@ -169,7 +169,7 @@ def check_seconds(name: str, seconds: float) -> None:
 
 
 class Attempts:
-    """When to register again, and when to give up.
+    """Times of further attempts to register, and of the last one.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ class SimulationChannel:
     Parameters
     ----------
     simulation : Simulation
-        Which no other caller steps meanwhile.
+        Simulation that no other caller steps meanwhile.
     """
 
     place = "the simulation in this process"

@@ -26,7 +26,7 @@ from ciberrato.protocol.order import MessageOrder, News
 
 
 class RunEnd(Enum):
-    """Why a run is over; the value is a phrase for people."""
+    """Reasons for the end of a run; the value is a phrase for people."""
 
     FINISHED = "EndLed is on: the robot has finished"
     TIME_UP = "the run's time is up"

@@ -116,7 +116,7 @@ class Robot(Controls):
         Raises
         ------
         StopIteration
-            When the run is over.
+            If the run is over.
         SilenceError
             If no Measures come.
         """

@@ -1,4 +1,4 @@
-"""Which labs are judged, by a rule that was written down before the first result was seen.
+"""Labs of the evaluation, by a rule that was written down before the first result was seen.
 
 Of every folder of public labs, in order of their names, the first lab file counts that has walls to see
 (higher than 0) and whose walls no earlier folder had; files beside the folders form a folder of their

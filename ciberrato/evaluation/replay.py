@@ -46,7 +46,7 @@ from ciberrato.world.lab import CELL_SIZE, Lab
 from ciberrato.world.parameters import Parameters
 
 _MOST_BLOCKS = 8
-"""That a figure shows."""
+"""Number of blocks that a figure shows at most."""
 
 
 @dataclass(frozen=True, slots=True)

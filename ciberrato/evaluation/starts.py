@@ -1,4 +1,4 @@
-"""Where robots start: on the lab's grid, in the centre of a cell, or anywhere."""
+"""Start poses of robots: on the lab's grid, in the centre of a cell, or anywhere."""
 
 from __future__ import annotations
 

@@ -124,12 +124,12 @@ class Outcome:
     restarts : list of int
         Times at which the filter started anew.
     kidnapped, noticed, found : int or None
-        When the robot was moved; cycles from then until the filter started anew or gave up its claim, and
-        until the first right claim.
+        Cycle in which the robot was moved; cycles from then until the filter began anew or withdrew its
+        claim, and until the first right claim.
     arrived : int or None
-        When a goto drive reported its arrival.
+        Cycle in which a goto drive reported its arrival.
     rested : int or None
-        When the run was ended as the robot stood for good. What was then is counted for all cycles to come.
+        Cycle in which the run was ended as the robot stood for good. Its state counts for all cycles to come.
     truth : list of float
         Probability of the true pose (within the claim's limits), every tenth cycle.
     calibration : list of (int, int)

@@ -34,7 +34,7 @@ class Finding:
     instead : str or None
         The nearest right name, or the value to write.
     place : (float, float) or None
-        Where in the lab it is, in units.
+        Place in the lab, in units.
     """
 
     __repr__ = short_repr

@@ -1,4 +1,4 @@
-"""How good a robot's map and its tour are: what the courses' score scripts print, as functions.
+"""Scores of a robot's map and of its tour: the figures of the courses' score scripts, as functions.
 
 The reference is what the simulator writes at the start of a run, mapping.out or planning.out. The robot's
 map is a text of the same layout; its tour is a text with an offset ``x y`` from its start in each line, in

@@ -54,7 +54,7 @@ class RunWriter:
         self._end = 0
         self._waiting: deque[bytes] = deque()
         self.fault: str | None = None
-        """Why lines were kept waiting, in words of the system; None if none was."""
+        """Reason for lines that were kept waiting, in words of the system; None if none was."""
         self._write({"format": FORMAT, **_fields(header)})
 
     @property

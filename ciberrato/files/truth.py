@@ -25,7 +25,7 @@ def read_truth(path: str | os.PathLike[str], *, robot: int | None = None) -> dic
         CSV with a header line that names at least ``time``, ``x``, ``y`` and ``dir_deg``; ``robot`` if there
         are several.
     robot : int or None
-        Which one; None = the first in the file.
+        Robot's id; None = the first in the file.
 
     Returns
     -------

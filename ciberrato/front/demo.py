@@ -124,7 +124,7 @@ def show(folder: Path, began: float) -> int:
     folder : Path
         With the files of the run.
     began : float
-        When the demonstration began, by the monotonic clock.
+        Begin of the demonstration, by the monotonic clock.
 
     Returns
     -------

@@ -346,9 +346,9 @@ def _along(dx: Floats, dy: Floats, distance: Floats, across: float) -> tuple[Flo
     Parameters
     ----------
     dx, dy, distance : array, shape (n,)
-        Where the points are, and how far.
+        Offsets of the points, and their distances.
     across : float
-        How far to the left of the lines the points are to be; negative to the right.
+        Distance of the points to the left of the lines; negative to the right.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Which faces a view cone can meet, nearest first, by the place and direction of its sensor.
+"""Faces that a view cone can meet, nearest first, by the place and direction of its sensor.
 
 The plane is divided into squares of half a unit and the circle into sectors of 45 degrees. For each pair a
 list holds the nearest of the faces that a cone can meet whose sensor is in the square and looks into the

@@ -21,7 +21,7 @@ from ciberrato.world.lab import Lab, Wall
 _BLOCK_ELEMENTS = 2**15
 """Points times faces worked on at once: arrays of 256 kB stay in the cache."""
 _ROUNDING = 1e-12
-"""How far, as a fraction of a segment, its end may be beyond a face that it touches."""
+"""Distance, as a fraction of a segment, of its end beyond a face that it still only touches."""
 _GRAZE = 1e-9
 """Units."""
 
@@ -145,7 +145,7 @@ class WallMap:
         Parameters
         ----------
         x0, y0, x1, y1 : array_like, broadcastable
-            Where one looks from, and where to.
+            Ends of the lines of sight.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Where what can be fetched or made again is kept."""
+"""Folder for files that can be fetched or made again."""
 
 from __future__ import annotations
 

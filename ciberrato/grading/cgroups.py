@@ -152,7 +152,7 @@ def find_groups(root: Path = _ROOT, own: Path = Path("/proc/self/cgroup")) -> Gr
     Parameters
     ----------
     root : Path
-        Where the hierarchy is.
+        Root of the hierarchy.
     own : Path
         File that says which group we are in.
 

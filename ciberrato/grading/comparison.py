@@ -15,7 +15,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """How two agents differ.
+    """Difference of two agents.
 
     Attributes
     ----------

@@ -123,7 +123,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """How runs become points.
+    """Conversion of runs to points.
 
     Attributes
     ----------

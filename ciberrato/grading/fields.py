@@ -18,7 +18,7 @@ class Fields:
     ----------
     table : dict
     place : str
-        How faults name it.
+        Name of the place in faults.
     faults : list of str
         List to which each fault is added, a line each.
     """

@@ -33,7 +33,7 @@ FIXED_PORT = 6000
 ATTEMPTS = 5
 MEASURED = ("wall", "memory", "threads", "output", "exit", "signal", "tail")
 NOWHERE = "/agent"
-"""Where a sandboxed agent without files of its own works."""
+"""Folder of a sandboxed agent without files of its own."""
 
 
 class RunError(CiberratoError):
@@ -114,7 +114,7 @@ class Launcher:
         files : Path or None
             The agent's.
         folder : Path
-            Where its working folder and all that is written will be; emptied first.
+            Folder for its working folder and its output; emptied first.
 
         Returns
         -------

@@ -94,7 +94,7 @@ def judge(
     cycle_time : int
         Milliseconds.
     folder : Path
-        Where the agent worked.
+        Working folder of the agent.
     reference : Path
         Folder of the simulator's mapping.out and planning.out.
     scoring : int
@@ -166,7 +166,7 @@ def judge_maps(folder: Path, reference: Path, scoring: int) -> tuple[float | Non
     Parameters
     ----------
     folder, reference : Path
-        Where the agent's and the simulator's are.
+        Folders of the agent's files and the simulator's.
     scoring : int
         Mode: 2 and 5 ask for a map, 3 and 6 for a map and a tour.
 

@@ -30,7 +30,7 @@ def write_recording(log: Path, target: Path, title: str, names: Mapping[str, str
     title : str
         Title on the page.
     names : mapping of str to str, optional
-        How robots are called, by their ids, whatever they call themselves.
+        Names of robots by their ids, in place of their own.
 
     Returns
     -------

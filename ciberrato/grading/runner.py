@@ -141,7 +141,7 @@ def grade(
     course : Course
     tasks : sequence of Task
     folder : Path
-        Where ``runs.jsonl`` and ``recordings`` are, or are made.
+        Folder of ``runs.jsonl`` and ``recordings``; made if it is not there.
     sandbox : {"bwrap", "docker", "podman", "none"}
         With a scheduler also ``auto``: each worker chooses.
     jobs : int

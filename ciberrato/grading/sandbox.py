@@ -124,7 +124,7 @@ def around_agent(
     megabytes : int
         Size of its /tmp.
     processes : int
-        That it may have at a time; the system holds those of root to none, so they are also counted.
+        Greatest number at a time; the system does not limit those of root, so they are also counted.
     readable : sequence of Path
         Further files and folders that it may see.
 

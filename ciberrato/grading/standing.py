@@ -23,7 +23,7 @@ _COUNTED_UP = (1, 4, 7)
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How an agent stands.
+    """Standing of an agent.
 
     Attributes
     ----------

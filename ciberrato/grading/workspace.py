@@ -12,7 +12,7 @@ from ciberrato.errors import UsageError
 
 LEFT_OUT = frozenset({".git", "__pycache__", ".hg", ".svn"})
 FAILURES = "ciberrato-failures"
-"""Where the pytest plugin keeps what is left of tests that failed."""
+"""Folder in which the pytest plugin keeps the files of failed tests."""
 
 _KEPT_BY_TOOLS = frozenset({".pytest_cache", ".mypy_cache", ".ruff_cache", ".tox", ".nox", FAILURES})
 MOST_BYTES = 512 * 1024 * 1024

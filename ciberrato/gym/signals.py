@@ -39,7 +39,7 @@ class Signals:
     finished, returning : array of bool, shape (n,)
         States of the robots.
     visited : array of bool, shape (n, targets), or None
-        Which targets count as visited, those that a lab does not have included; None where it does not
+        Mask of the targets that count as visited, also those that a lab does not have; None where it does not
         matter.
     poses : array, shape (n, 3)
         True x, y in units and heading in radians.

@@ -80,7 +80,7 @@ def _nearest_of(
     which : array of int, shape (n, k)
         The faces of each sensor.
     listed : array of bool, shape (n, k)
-        Which of them count.
+        Mask of those that count.
     x, y, cosine, sine : array, shape (n, 1)
     """
     chosen = faces[which]

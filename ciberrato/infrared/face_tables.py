@@ -50,7 +50,7 @@ class LabTables:
     touched : array of int, shape (rows, TOUCHED)
         Faces that a robot might touch whose centre is in the square.
     touched_count : array of int, shape (rows,)
-        How many they are; may be more than `TOUCHED`.
+        Number of them; may be more than `TOUCHED`.
     """
 
     def __init__(self, walls: WallMap) -> None:

@@ -66,7 +66,7 @@ def ray_distance_by_angles(walls: NearbyFaces, x: float, y: float, angle: float)
     ----------
     walls : NearbyFaces
     x, y : float
-        Where the ray begins, in units.
+        Origin of the ray, in units.
     angle : float
         Radians, wrapped once.
 

@@ -43,7 +43,7 @@ class Order:
     polygons : float or None
         Share of the area in which free polygons stand instead of cell walls, 0 to 1; None = cell walls.
     starts, targets : int
-        How many; every target has a beacon.
+        Numbers of start places and targets; every target has a beacon.
     symmetric : bool
         Ask for a lab that looks the same turned by half a turn; otherwise none that looks the same turned at
         all.

@@ -40,7 +40,7 @@ _LATE = 50  # cycles; a time farther back than a late message can be is that of 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """Where the robot is, as far as is known at a message.
+    """Estimate of the robot's pose at a message.
 
     Attributes
     ----------

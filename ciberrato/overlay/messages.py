@@ -159,7 +159,7 @@ class Text(Shape):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseMark(Shape):
-    """Where the agent believes that the robot is: drawn as the ghost of a robot.
+    """Pose that the agent believes the robot to have: drawn as the ghost of a robot.
 
     Attributes
     ----------
@@ -212,7 +212,7 @@ class OverlayMessage:
     Attributes
     ----------
     source : str
-        Who shows it, such as the robot's name.
+        Sender of the overlay, such as the robot's name.
     robot : int or None
         Position number of the robot that it is about.
     time : int or None

@@ -1,4 +1,4 @@
-"""How robots move and what stops them: wheel filter, pose update, collisions."""
+"""Motion of robots and its limits: wheel filter, pose update, collisions."""
 
 __all__ = [
     "collisions",

@@ -1,4 +1,4 @@
-"""Which robots collide in a cycle, and where that leaves them.
+"""Collisions of robots in a cycle, and the poses after them.
 
 The simulator moves all robots at once: it works out where each wants to be
 (`ciberrato.physics.kinematics.advance`), asks `resolve_collisions` who is stopped, and commits what `settle`
@@ -33,9 +33,9 @@ def resolve_collisions(
     ----------
     walls : WallMap
     poses : sequence of (x, y, heading)
-        Where the robots are.
+        Poses before the cycle.
     wanted : sequence of (x, y, heading)
-        Where they would be after the cycle.
+        Poses after the cycle if nothing were in the way.
     speeds : sequence of float
         Mean of the two motor powers of each robot, negative when it drives backwards.
 

@@ -1,4 +1,4 @@
-"""How a robot moves: motor clamp, motor filter, pose update.
+"""Motion of a robot: motor clamp, motor filter, pose update.
 
 All functions take numbers or arrays alike, and do the arithmetic of the real simulator in its order, so
 that noise-free motion comes out equal to the last bit. With numbers, numpy is not even imported: a process

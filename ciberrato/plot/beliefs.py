@@ -38,7 +38,7 @@ def cells(
     lab : Lab, optional
         Whose walls to draw.
     truth : (row, column), optional
-        Where to draw a ring.
+        Cell for a ring.
     norm : matplotlib.colors.Normalize, optional
         Scale of the colours; default: `probability_scale`, the same for all beliefs.
     legend : bool, optional

@@ -138,7 +138,7 @@ def label_outer(axes: Any, shown: int) -> None:
     ----------
     axes : array of matplotlib axes, shape (rows, columns)
     shown : int
-        How many of them have a picture, row by row.
+        Number of them that have a picture, row by row.
     """
     across = axes.shape[1]
     for index, axis in enumerate(axes.flat):

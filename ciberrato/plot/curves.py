@@ -94,7 +94,7 @@ def probabilities(
     ax : matplotlib.axes.Axes, optional
         Default: those of a new figure.
     truth : sequence of (row, column) or None
-        Where the robot was at each block (None for the prior).
+        Cell of the robot at each block (None for the prior).
     legend : bool, optional
         Whether to add a legend below; default: in a new figure.
 

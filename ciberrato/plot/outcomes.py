@@ -41,7 +41,7 @@ def times_to_localize(
     label : str
         Name of the runs, for the legend.
     style : int, optional
-        Which of `STYLES`; default: the next in these axes.
+        Index in `STYLES`; default: the next in these axes.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Where robots drove."""
+"""Plots of the tracks of robots."""
 
 from __future__ import annotations
 

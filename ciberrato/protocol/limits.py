@@ -1,4 +1,4 @@
-"""How long messages may be: the most that the real programs read, in bytes (and characters, for Say)."""
+"""Limits of messages' lengths: the most that the real programs read, in bytes (and characters, for Say)."""
 
 from __future__ import annotations
 

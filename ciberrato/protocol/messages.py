@@ -282,7 +282,7 @@ class OtherReading:
 
 
 SensorElement = tuple[str, dict[str, type]]
-"""How a sensor's reading stands in Measures: as an element in Sensors, after the beacons.
+"""Form of a sensor's reading in Measures: as an element in Sensors, after the beacons.
 
 Its name, and names and kinds (float, int or str) of its attributes, in the order in which they are written.
 With one attribute the reading is its value, with several a tuple of them.

@@ -1,4 +1,4 @@
-"""Which Measures are news: what a network delays, doubles or spoils must not end a run or move a pose."""
+"""Order of Measures: a message delayed, doubled or spoilt by a network must not end a run or move a pose."""
 
 from __future__ import annotations
 

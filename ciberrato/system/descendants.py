@@ -30,7 +30,7 @@ MEASURES = "all" if _PROC else "memory" if _PS else "nothing"
 """Measurements of descendants that are possible here: ``all``, their ``memory``, or ``nothing``."""
 
 SECONDS_A_LOOK = 0.05 if _PROC else 0.5
-"""How often it is reasonable to ask."""
+"""Least time between two measurements, in seconds."""
 
 
 class Usage(NamedTuple):
@@ -215,7 +215,7 @@ def end_all(
     child : Popen, optional
         The one that started them, for where they cannot be found.
     seconds : float
-        How long to try.
+        Time to try.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""How much a process may have: file descriptors, memory, sizes of files."""
+"""Limits of a process: file descriptors, memory, sizes of files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def allow_descriptors(least: int) -> int:
     Returns
     -------
     int
-        How many it may have now.
+        Number that it may have now.
     """
     resource = _resource()
     if resource is not None and descriptors() < least:

@@ -56,7 +56,7 @@ def merged(known: Mapping[str, Any], *given: Mapping[str, Any], where: str) -> d
         All there are, with their defaults.
     *given : mapping
     where : str
-        How a fault names the place.
+        Name of the place in a fault.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def lab_of(options: Mapping[str, Any], folders: Sequence[Path]) -> Any:
     options : mapping
         All of `WORLD`, and ``position`` if the lab is for a run.
     folders : sequence of Path
-        Where files are looked for.
+        Folders in which files are looked for.
 
     Returns
     -------

@@ -189,7 +189,7 @@ def run_agent(
     lab : GradedLab
     seed : int
     folder : Path
-        Where all is kept; must not be there.
+        Folder for all files; must not exist.
     lockstep : bool
     speed : float
         Times real time, if not in lockstep.

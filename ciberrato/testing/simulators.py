@@ -34,7 +34,7 @@ class RunningSimulator:
     lab : GradedLab
     seed : int
     folder : Path
-        Where its files are.
+        Folder of its files.
     options : mapping
         ``lockstep``, ``speed``, ``answer_limit``.
     autostart : int
@@ -146,7 +146,7 @@ class RunningSimulator:
         Parameters
         ----------
         seconds : float
-            How long to wait.
+            Time to wait.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Where a robot really was, as arrays."""
+"""True poses of a robot, as arrays."""
 
 from __future__ import annotations
 

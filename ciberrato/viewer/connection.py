@@ -49,7 +49,7 @@ MOST_UNANSWERED = 4
 
 
 class ConnectionState(enum.Enum):
-    """Where the talk stands; the value is sent to the page."""
+    """State of the connection; the value is sent to the page."""
 
     SEARCHING = "searching"
     LOADING = "loading"

@@ -43,7 +43,7 @@ class StoredBelief:
     entropy : float
         Bits.
     place : (float, float) or None
-        Where the robot really was at that time, in units, where that is known.
+        True place of the robot at that time, in units, if it is known.
     truth : float or None
         Probability of the cell of that place.
     extent : tuple of four float, or None

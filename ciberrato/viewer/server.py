@@ -83,7 +83,7 @@ class Server:
     Attributes
     ----------
     url : str
-        Where the page is.
+        Address of the page.
 
     Raises
     ------

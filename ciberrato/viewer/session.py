@@ -54,7 +54,7 @@ class Session:
     Parameters
     ----------
     address : str
-        Where the simulator is, as people would write it.
+        Address of the simulator, as people would write it.
     control : bool
         Whether browsers may start, stop, reset and remove.
     notify : callable

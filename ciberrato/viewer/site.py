@@ -1,4 +1,4 @@
-"""Which HTTP requests are answered, and with what (sans-IO).
+"""Answers to HTTP requests (sans-IO).
 
 Who may look: the page and its WebSocket are served to this machine only unless the user binds another
 address, and then to those only who have the token. A page of another site that is open in the same browser

@@ -10,7 +10,7 @@ from ciberrato.reprs import short_repr
 from ciberrato.viewer.world import Frame
 
 MOST_FRAMES = 8192
-"""When there are more, every second one of the older half is forgotten."""
+"""Most frames that are kept; of more, every second one of the older half is forgotten."""
 
 MOST_BYTES = 24_000_000
 MOST_MARKS = 2000

@@ -1,4 +1,4 @@
-"""Where things are: the tuples that stand for points, poses and cells."""
+"""Tuples that stand for points, poses and cells."""
 
 from __future__ import annotations
 

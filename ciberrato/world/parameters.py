@@ -42,7 +42,7 @@ class Parameters:
     line_sensor_true_probability : float
         Probability that an element of the line sensor is right; never announced.
     requests_per_cycle : int
-        How many requestable sensors a robot may ask for in one cycle.
+        Number of requestable sensors that a robot may ask for in one cycle.
     obstacle_requestable, beacon_requestable, ground_requestable : bool
     compass_requestable, collision_requestable : bool
         Whether the sensor is sent only when asked for.

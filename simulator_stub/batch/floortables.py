@@ -20,11 +20,11 @@ class FloorTables:
     origin : (int, int)
         Column and row of the first square.
     first : array of int, shape (squares up, squares right + 1)
-        Where in `polygons` the list of each square begins; it ends where that of the next one begins.
+        Index in `polygons` of the begin of each square's list; it ends where that of the next one begins.
     polygons : array of int
         Numbers of the polygons, square by square.
     corner_first : array of int, shape (polygons + 1,)
-        Where in `corners` each polygon begins.
+        Index in `corners` of each polygon's first corner.
     corners : array, shape (corners, 2)
         Units.
     """

@@ -21,7 +21,7 @@ class BatchReadings:
     time : array of int, shape (worlds,)
         Simulated cycles so far in each world.
     over : array of bool, shape (worlds,)
-        Where SimTime is reached: the robot stands still from then on, and its sensors go on.
+        Mask of worlds that have reached SimTime: the robot stands still from then on, and its sensors go on.
     infrared : array, shape (worlds, 4)
         Readings of the IR sensors, about 1/distance.
     compass : array, shape (worlds,)

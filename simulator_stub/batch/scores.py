@@ -105,7 +105,7 @@ class TargetScores(BatchScores):
     arrival_distance : array
         Way home from where the return began; units.
     departure : array of int
-        When the return began.
+        Time at which the return began.
     """
 
     points: Integers
@@ -232,7 +232,7 @@ class CircuitScores(BatchScores):
     circuit : array of int, shape (worlds, nodes, 2)
         Cells of each world's circuit.
     nodes : array of int
-        How many they are; 0 where there is no circuit.
+        Number of nodes; 0 where there is no circuit.
     coming : array of int
         The node that gives the next points.
     reward, penalty : array of int

@@ -200,7 +200,7 @@ class BatchSimulation:
         Parameters
         ----------
         worlds : array_like of bool, shape (worlds,), or of int; optional
-            Which ones, n of them; default: all.
+            Mask or indices of n worlds; default: all.
         seeds : sequence of int or numpy.random.Generator, optional
             One for each of these; by default fresh random numbers follow from the seed that a world has.
         starts : array_like, shape (n, 3), optional

@@ -51,7 +51,7 @@ class BatchState(Arrays):
     collides, collision_begins : array of bool
         In the last running cycle.
     collisions : array of int
-        How many have begun.
+        Number of collisions that have begun.
     lab : array of int
         Number of the world's lab in the plan.
     motor_deviation, compass_deviation, obstacle_deviation, gps_deviation, beacon_deviation : array

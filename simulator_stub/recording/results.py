@@ -1,4 +1,4 @@
-"""How runs came out: as JSON for programs, and in a few lines for people."""
+"""Results of runs: as JSON for programs, and in a few lines for people."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class CellMap:
     walls : WallMap
         Its obstacles.
     x, y : float
-        Where the robot starts.
+        Start place of the robot.
     """
 
     def __init__(self, lab: Lab, walls: WallMap, x: float, y: float) -> None:

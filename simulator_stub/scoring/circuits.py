@@ -40,7 +40,7 @@ DIRECTIONS = {
 
 @dataclass(slots=True)
 class Progress:
-    """How far one robot has come.
+    """Progress of one robot.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ Node = tuple[int, int]
 AHEAD = 0.5
 """Units from a node to where a line is looked for."""
 STROKES = {0: "-", 45: "/", 90: "|", 135: "\\", 180: "-", 225: "/", 270: "|", 315: "\\"}
-"""How a line is drawn that leaves a node in a direction in degrees."""
+"""Character of a line that leaves a node in a direction in degrees."""
 
 
 class LineMap:
@@ -26,9 +26,9 @@ class LineMap:
     ----------
     lab : Lab
     floor : Floor
-        Where it is painted.
+        Floor on which it is painted.
     x, y : float
-        Where the robot starts.
+        Start place of the robot.
     """
 
     def __init__(self, lab: Lab, floor: Floor, x: float, y: float) -> None:

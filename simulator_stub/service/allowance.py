@@ -76,9 +76,9 @@ class Meter:
     Attributes
     ----------
     cycles, ticks : int
-        How often allowances of either kind have been renewed.
+        Number of renewals of the allowances of either kind.
     now : float
-        When the meter was last advanced.
+        Time at which the meter was last advanced.
     tick_seconds : float
         Seconds at least from one renewal by the clock to the next.
     """

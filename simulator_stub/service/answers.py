@@ -1,4 +1,4 @@
-"""How one robot answers its Measures: how long it takes, and what was counted.
+"""Answers of one robot to its Measures: their times and counts.
 
 Lockstep learns from it how long to wait; `counts` goes into the result file.
 """
@@ -49,7 +49,7 @@ class Answers:
     waited : float
         Seconds waited in vain since the last answer.
     strikes : int
-        How often in a row the process was not at rest before time was up.
+        Number of times in a row that the process was not at rest before time was up.
     unanswered, several, late : int
         Counts that `counts` returns.
     """
@@ -187,7 +187,7 @@ class Answers:
         Returns
         -------
         int
-            How many of them did not count.
+            Number of them that did not count.
         """
         surplus = max(commands - 1, 0)
         self.several += surplus

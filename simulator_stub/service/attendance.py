@@ -1,4 +1,4 @@
-"""Which of its Measures a robot answers, counted in the same manner at any pace."""
+"""Measures that a robot answers, counted in the same manner at any pace."""
 
 from __future__ import annotations
 

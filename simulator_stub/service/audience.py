@@ -34,7 +34,7 @@ SILENT_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Admission:
-    """Who may be a view: only this machine, or who knows a word.
+    """Admission of views: only those of this machine, or those with the token.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Audience:
         Returns
         -------
         str or None
-            Why it is refused; None if it is not.
+            Reason for its refusal; None if it is admitted.
         """
         refusal = self._admission.refusal(registration, peer.source)
         if refusal is not None:

@@ -26,13 +26,13 @@ Address = tuple[str, int]
 _PROC = Path("/proc")
 
 LESSONS = 3
-"""How often a thread must be seen to be woken by a message until it is taken for the one that reads."""
+"""Number of times that a thread is woken by a message before it is taken for the one that reads."""
 
 LOOKS_A_COUNT = 64
-"""How often a process is looked at until its threads are counted again."""
+"""Number of looks at a process before its threads are counted again."""
 
 FAMILIAR = 20
-"""How often a thread must have been seen to wait until it is believed to where the system does not tell."""
+"""Number of times that a thread is seen to wait before it is believed to, if the system does not say."""
 
 UNTOLD = 200
 """Looks without a word of where a thread waits after which the system counts as one that never tells."""
@@ -148,7 +148,7 @@ class ClientProcess:
         Returns
         -------
         Activity
-            That of the most active thread; `Activity.WORKS` also when it has just ended (then `gone`).
+            Activity of the most active thread; `Activity.WORKS` also when it has just ended (then `gone`).
         """
         self._looks += 1
         if not self._looks % LOOKS_A_COUNT:

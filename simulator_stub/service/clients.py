@@ -42,9 +42,9 @@ class RobotClient:
     braked, moving : bool
         Whether the last of them stops the robot, though the one before did not; whether it moves it.
     answers : Answers
-        How it answers, for lockstep.
+        Record of its answers, for lockstep.
     attendance : Attendance
-        Which Measures it answers.
+        Count of the Measures that it answers.
     silent : bool
         Whether it was waited for in vain: it is not waited for until it sends something.
     """
@@ -131,7 +131,7 @@ class ViewClient:
     asked : bool
         Whether anything has come ever.
     since : float
-        When it was heard last, or registered.
+        Time at which it was heard last, or registered.
     """
 
     __slots__ = ("answers", "asked", "dropped", "heard", "messages", "obeyed", "peer", "since", "taken")

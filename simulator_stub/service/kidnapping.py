@@ -15,7 +15,7 @@ _PATTERN = re.compile(rf"(\d+):{_REAL},{_REAL},{_REAL}")
 
 @dataclass(frozen=True, slots=True)
 class Kidnapping:
-    """Where a robot is put, and when.
+    """Kidnapping of a robot: its new pose, and the time.
 
     Attributes
     ----------

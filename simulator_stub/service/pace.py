@@ -1,4 +1,4 @@
-"""When the next cycle takes place.
+"""Times of the cycles.
 
 `RealTime`: every CycleTime milliseconds, divided by the speed, whatever the robots do.
 
@@ -45,13 +45,13 @@ INSTANT = 1e-6
 """Seconds that are not worth waiting for."""
 
 LOOKS = 12
-"""How often in a row a client's process is looked at: the way from its answer back to waiting is short."""
+"""Number of looks in a row at a client's process: the way from its answer back to waiting is short."""
 
 LOOK_AGAIN = 0.001
 """Seconds until it is looked at again."""
 
 STRIKES = 3
-"""How often in a row the threads of a client may be found at work until they are no longer looked at."""
+"""Number of times in a row that a client's threads are found at work before they are ignored."""
 
 IDLE_LIMIT = 0.5
 """Seconds of the longest wait for a robot while the simulator does not run."""

@@ -1,4 +1,4 @@
-"""Which sockets have something to read: a thin layer, as the standard library's takes too long."""
+"""Poll of the sockets with something to read: a thin layer, as the standard library's takes too long."""
 
 from __future__ import annotations
 

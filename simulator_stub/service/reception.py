@@ -1,4 +1,4 @@
-"""Who asks to take part: looked at on arrival, admitted in a cycle.
+"""Registrations: examined on arrival, admitted in a cycle.
 
 What is no registration is dropped at once and costs no other client anything.
 """

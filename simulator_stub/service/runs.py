@@ -1,4 +1,4 @@
-"""When a run is over, and what comes then: the next one, or the end."""
+"""End of a run, and its successor: the next run, or the end of the program."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ COMPLAINT_LIMIT = 20
 
 
 class Session:
-    """Who takes part, what they sent, and what they get.
+    """Participants of a run, with the messages from and for them.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Session:
     restarts : bool
         Whether a robot's ``Reset="On"`` is obeyed.
     admission : Admission
-        Who may be a view.
+        Admission of views.
     notify : callable
         Told, in one line each, what people may want to know.
     clock : callable

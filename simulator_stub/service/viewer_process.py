@@ -11,7 +11,7 @@ from ciberrato.net.address import TOKEN_VARIABLE
 from ciberrato.processes import module_command
 
 _SECONDS = 5.0
-"""How long the viewer may take to close its browsers' connections."""
+"""Time for the viewer to close its browsers' connections."""
 
 
 @contextlib.contextmanager

@@ -37,7 +37,7 @@ class NoiseRoot:
     entropy : tuple of int
         32-bit words, drawn once from the simulation's generator.
     world : int
-        How often the world has begun anew.
+        Number of times that the world has begun anew.
     """
 
     entropy: tuple[int, ...]

@@ -31,7 +31,7 @@ class Robot:
     x, y, heading : float
         True pose, units and radians.
     wanted : (x, y, heading)
-        Where the motors wanted to take it in the last running cycle.
+        Pose after the last running cycle if nothing had been in the way.
     left_command, right_command : float
         Motor commands after clamping; they stay until changed.
     left_output, right_output : float
@@ -43,7 +43,7 @@ class Robot:
     collided_before : bool
         Whether anything had stopped it in the running cycle before that.
     collisions : int
-        How many collisions have begun.
+        Number of collisions that have begun.
     state, remembered_state : RobotState
         The current state, and the one that follows a pause.
     removal_requested : bool
@@ -54,7 +54,7 @@ class Robot:
     said : str or None
         Text that the robot says in this cycle.
     received : set of str
-        Which motors and LEDs were commanded in this cycle, as the fields of `Actions` are called.
+        Motors and LEDs commanded in this cycle, by the names of the fields of `Actions`.
     motor_noise : Stream
     score, arrival_time, returning_time : int
         As the way of scoring keeps them.

@@ -46,6 +46,33 @@ def test_words_of_the_list_are_avoided():
     assert not found
 
 
+def descriptions(text):
+    """Yield the first lines of docstrings of modules, classes and attributes, and of numpydoc entries."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        for part in body if isinstance(body, list) else ():
+            if not (isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)):
+                continue
+            if isinstance(part.value.value, str):
+                lines = part.value.value.splitlines()
+                first = [] if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else [0]
+                entries = [n for n, line in enumerate(lines) if re.match(r" *\*{0,2}[\w, ]+ : ", line)]
+                for number in first + [n + 1 for n in entries if n + 1 < len(lines)]:
+                    yield part.lineno + number, lines[number].strip()
+
+
+@pytest.mark.parametrize("folder", SOURCES)
+def test_things_are_described_by_what_they_are_and_not_by_a_question(folder):
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for number, line in descriptions(path.read_text(encoding="utf-8"))
+        if re.match(r"(What|How|Where|Who|Which|Why|When|That)\b", line)
+    ]
+    assert not found
+
+
 def is_property(function):
     """Return whether a function is read as an attribute: it may be described by a noun."""
     return any("property" in ast.unparse(decorator) for decorator in function.decorator_list)

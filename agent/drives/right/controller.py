@@ -33,7 +33,7 @@ class Controller:
         self.tracker = CellTracker(header.parameters, header.sensor_angles)
         self.phase = Phase.WAITING
         self.ended: str | None = None
-        """Why the run is over, as soon as it is."""
+        """Reason for the end of the run, as soon as there is one."""
         self.exchange = Exchange(header.parameters)
         self._pilot = Pilot(header.cruise)
         self._exit_at_wall = exit_at_wall
@@ -54,7 +54,7 @@ class Controller:
         newest : bool
             Whether no newer message is waiting: only the newest is answered.
         arrived : float or None
-            When it arrived; see `Exchange.command_in_effect`.
+            Time of its arrival; see `Exchange.command_in_effect`.
 
         Returns
         -------
@@ -134,7 +134,7 @@ def make_cycle(
     ----------
     measures : Measures
     tracker : CellTracker
-        Which has observed them.
+        Tracker that has observed them.
     crossing : Crossing or None
         Crossing that it found.
     command : (float, float) or None

@@ -1,4 +1,4 @@
-"""Where the robot is relative to where it began: a Kalman filter over place and heading.
+"""Pose of the robot relative to its start: a Kalman filter over place and heading.
 
 The state is (along, lateral, heading): the way driven to the right, the distance to the left of the row's
 middle line, both in units, and the heading in radians. It is moved by the motor commands through the wheel
@@ -52,7 +52,7 @@ class Explanation(NamedTuple):
     Attributes
     ----------
     prior : float
-        How likely it is before the reading.
+        Probability before the reading.
     innovation : float
         The reading less what it should be.
     slope : (float, float, float)
@@ -75,7 +75,7 @@ class RowKalmanFilter:
     motors_noise : float
         Standard deviation of the motor factor, in percent.
     memory : int
-        How many cycles old a reading may be when it comes.
+        Greatest age of a reading at its arrival, in cycles.
     """
 
     def __init__(self, motors_noise: float, memory: int = 0) -> None:

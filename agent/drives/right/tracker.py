@@ -41,7 +41,7 @@ class Crossing:
     readings : tuple of four (float or None)
         IR readings taken there; None where the simulator sent none.
     pose : Pose
-        Where the robot was when they were taken.
+        Pose of the robot at the readings.
     """
 
     index: int

@@ -54,7 +54,7 @@ def side_explanations(reading: float, side: int, pose: Pose, variance: float) ->
     side : int
         1 = the sensor looks to the left, -1 = to the right.
     pose : Pose
-        Where the robot was when it took the reading.
+        Pose of the robot at the reading.
     variance : float
         Variance of the reading.
 
@@ -138,7 +138,7 @@ class WallAhead:
         ----------
         reading : float
         pose : Pose
-            Where the robot was when it took the reading.
+            Pose of the robot at the reading.
         deviations : (float, float, float)
             Its standard deviations.
         """

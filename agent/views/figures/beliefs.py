@@ -38,11 +38,11 @@ def belief_panels(
     beliefs : ndarray, shape (blocks, rows, columns)
         The prior first; row 0 is the bottom row of the lab.
     path : path-like
-        Where to write; the ending chooses the format (png, svg, pdf).
+        File to write; the ending selects the format (png, svg, pdf).
     lab : Lab or None
         Whose walls to draw.
     true_cells : sequence of (row, column) or None
-        Where the robot was at each block (None for the prior).
+        Cell of the robot at each block (None for the prior).
     title : str or None
         Above all panels.
     every_step : bool

@@ -1,4 +1,4 @@
-"""How figures are written to files."""
+"""Writing of figures to files."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def step_curves(
     path : path-like
         The ending chooses the format.
     true_cells : sequence of (row, column) or None
-        Where the robot was at each block (None for the prior).
+        Cell of the robot at each block (None for the prior).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which steps of a run are worth a panel: a long tail in which nothing happens is not."""
+"""Choice of the steps of a run that get a panel: a long tail in which nothing happens is not."""
 
 from __future__ import annotations
 

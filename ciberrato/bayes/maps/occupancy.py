@@ -101,7 +101,7 @@ class OccupancyGrid:
         Parameters
         ----------
         x, y, angle : array_like
-            Where rays begin and their directions (radians), broadcast.
+            Origins of rays and their directions (radians), broadcast.
         max_range : float
             Given where nothing nearer is hit.
 

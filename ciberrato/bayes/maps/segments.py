@@ -43,7 +43,7 @@ class SegmentMap:
         Parameters
         ----------
         x, y, angle : array_like
-            Where rays begin and their directions (radians), broadcast.
+            Origins of rays and their directions (radians), broadcast.
         max_range : float
             Given where a ray hits nothing nearer.
 

@@ -35,7 +35,7 @@ _STEPS: dict[str, tuple[int, int]] = {"east": (1, 1), "west": (1, -1), "north": 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Openings:
-    """Where a grid of rooms has no wall between neighbours.
+    """Openings of a grid of rooms: no wall between neighbours.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class BlockedShift:
     Attributes
     ----------
     openings : Openings
-        Where steps are possible.
+        Openings through which steps are possible.
     blocked : {"stay", "lose"}
         Treatment of mass that a wall stops.
     arrival : mapping of int to float

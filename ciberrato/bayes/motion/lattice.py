@@ -39,7 +39,7 @@ class LatticeKernels(NamedTuple):
     Attributes
     ----------
     kernel : IntArray, shape (n,)
-        Which kernel the entry is of.
+        Index of the entry's kernel.
     cells : IntArray, shape (n, 2)
         Displacement; no two entries of a kernel have the same.
     weights : FloatArray, shape (n,)

@@ -132,7 +132,7 @@ class OmnidirectionalOdometry:
     noise : OmnidirectionalNoise
         Standard deviations; may be 0.
     free : BoolArray, shape (x, y), optional
-        Where the robot can be; everywhere if None.
+        Cells in which the robot can be; all if None.
     """
 
     __repr__ = short_repr

@@ -217,7 +217,7 @@ def move(
     count : int
         Number of images after.
     out : FloatArray, optional
-        Where to write them.
+        Array for the result.
     inside : BoolArray, shape (x, y), optional
         If given, nothing is lost: what would leave these cells or the grid stays in its cell.
 

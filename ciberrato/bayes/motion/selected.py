@@ -46,7 +46,7 @@ def heavy(masses: FloatArray, allowed: float) -> tuple[IntArray, float]:
     masses : FloatArray
         0 or more, C order.
     allowed : float
-        That mass at most. States of zero are never kept.
+        Greatest mass to leave out. States of zero are never kept.
 
     Notes
     -----

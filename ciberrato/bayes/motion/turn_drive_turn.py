@@ -56,7 +56,7 @@ class TurnDriveTurn:
     noise : OdometryNoise
         Standard deviations; may be 0.
     free : BoolArray, shape (x, y), optional
-        Where the robot can be; everywhere if None.
+        Cells in which the robot can be; all if None.
     window : float
         Cut a drive with noise of a cell or more off beyond this many sigmas, and normalize the rest; that
         concerns at most `erfc(window / sqrt 2)` of it, which is reported.

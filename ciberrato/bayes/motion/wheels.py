@@ -76,7 +76,7 @@ class DifferentialWheels:
         Standard deviations added a cycle while the robot moves, radians and units of length, for what the
         model leaves out.
     free : BoolArray, shape (x, y), optional
-        Where the robot can be. Mass that would leave these cells, or the grid, stays where it is and turns,
+        Cells in which the robot can be. Mass that would leave them, or the grid, stays where it is and turns,
         as a robot does at a wall.
     """
 

@@ -53,7 +53,7 @@ class AngleSensor:
         mean : array_like, shape (...) or (..., angles)
             Expected angle per state: shape of the belief for a single reading, an axis more for several.
         undefined : array_like of bool, shape of `mean`, optional
-            Where no angle is expected (the bearing of a landmark on which the robot stands): all readings are
+            States without an expected angle (the bearing of a landmark under the robot): all readings are
             alike likely there. The mean does not count.
 
         Returns

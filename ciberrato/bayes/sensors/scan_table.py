@@ -63,7 +63,7 @@ class ScanTable:
     space : StateSpace
         x, y, heading; the last periodic over a whole turn.
     free : BoolArray, shape (x, y)
-        Where the robot can be; states elsewhere are impossible.
+        Cells in which the robot can be; states elsewhere are impossible.
     cast : callable
         (x, y, angle, max_range) -> ranges, as `OccupancyGrid.cast` and `SegmentMap.cast`; nan where unknown.
     beams : int

@@ -88,7 +88,7 @@ def check_agent(
     ----------
     agent : Agent
     lab : GradedLab
-        Where it drives.
+        Lab in which it drives.
     rows : sequence of Row
     seed : int
         Seed of the simulation.

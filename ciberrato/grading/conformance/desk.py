@@ -184,7 +184,7 @@ class Desk:
         Parameters
         ----------
         seconds : float
-            How long to wait.
+            Time to wait.
         what : Measures or None
             Message that it answers, for the words of a fault.
         until_first : bool
@@ -193,7 +193,7 @@ class Desk:
         Returns
         -------
         int
-            How many messages.
+            Number of messages.
 
         Raises
         ------

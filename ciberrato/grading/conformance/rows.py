@@ -8,7 +8,7 @@ from typing import Literal
 from ciberrato.reprs import short_repr
 
 Ending = Literal["any", "itself", "clean"]
-"""How the agent has to be at the end of a row: as it likes; ended by itself; ended, and without an error."""
+"""Required state of the agent at a row's end: any; ended by itself; ended, and without an error."""
 
 CYCLES = 30
 """Cycles that go well before something happens, and after it."""

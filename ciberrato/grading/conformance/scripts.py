@@ -28,7 +28,7 @@ class Seen:
     ----------
     text : str
     ending : {"any", "itself", "clean"}
-        How the agent has to end.
+        Required end of the agent.
     """
 
     __repr__ = short_repr

@@ -27,7 +27,7 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
         Options of the command line.
     course : Course
     faults : list of str
-        Why agents could not be had.
+        Reasons for which agents could not be had.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Who meets whom, and from which start places.
+"""Schedule of meetings, with the start places.
 
 Two in a run: the circle method, in which every two agents meet once in each cycle of rounds. More in a run:
 rounds are drawn, each agent once a round, so that those meet who have met least (the sum of former meetings

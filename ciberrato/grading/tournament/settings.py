@@ -15,7 +15,7 @@ MOST_ROUNDS = 1000
 
 @dataclass(frozen=True, slots=True)
 class TournamentSettings:
-    """How a tournament is played; every entry has a default.
+    """Settings of a tournament; every entry has a default.
 
     Attributes
     ----------

@@ -82,7 +82,7 @@ def modes(belief: PoseBelief, *, most: int = 8, least: float = 0.02) -> list[Pos
     ----------
     belief : PoseBelief
     most : int
-        How many to give at most.
+        Greatest number to return.
     least : float
         Probability below which no further pose is given.
 

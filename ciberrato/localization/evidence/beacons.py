@@ -39,14 +39,14 @@ _POSE_ERROR = 0.15  # units, of a pose that is compared with exact readings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeaconTable:
-    """Where one beacon is to be seen from.
+    """Squares from which one beacon can be seen.
 
     Attributes
     ----------
     codes : array of int, shape (squares,)
         Class of the square, times 2 * `_AROUND`, plus the absolute angle to the beacon in steps.
     shares : array, shape (classes,)
-        How many of the squares are of each class.
+        Number of squares of each class.
     """
 
     __repr__ = short_repr

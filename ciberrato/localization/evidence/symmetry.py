@@ -140,7 +140,7 @@ def share_alike(turn: Turn, walls: WallMap, places: Floats) -> float:
 
 
 class PoseScore:
-    """How well poses explain what was sensed, by the exact sensor model.
+    """Score of poses by their explanation of the readings, by the exact sensor model.
 
     Parameters
     ----------

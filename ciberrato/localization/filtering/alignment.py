@@ -44,7 +44,7 @@ class Moment(NamedTuple):
     gps: tuple[float, float] | None
     time: int
     doubtful: int = 0
-    """How many of the last motions may not have been: see `ciberrato.localization.filtering.interruption`."""
+    """Number of last motions that may not have been: see `ciberrato.localization.filtering.interruption`."""
     otherwise: tuple[Motion, ...] = ()
     """Motions if the last command never reached the robot, after a gap."""
 

@@ -1,4 +1,4 @@
-"""How far the readings of one moment may be trusted: the exponent of their likelihood.
+"""Tempering of the readings of one moment: the exponent of their likelihood.
 
 The error made by taking one distance for a whole square is the same in the next cycle if the robot is still
 in the same square. Likelihoods are therefore raised to a power that is proportional to how many squares and

@@ -1,4 +1,4 @@
-"""How the live filter kept up with its robot."""
+"""Statistics of the live filter's deadlines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ciberrato.system.memory import memory_megabytes
 
 @dataclass(slots=True)
 class LiveStatistics:
-    """How the live filter kept up.
+    """Statistics of the live filter's deadlines.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class LiveStatistics:
         Parameters
         ----------
         worker : TableWorker
-            Where the tables came from.
+            Worker from which the tables came.
         cycle_time : float
             Milliseconds; an answer that takes longer misses its cycle.
         lost : int

@@ -94,7 +94,7 @@ class ParticleCloud:
         centre : (float, float, float)
             Units and radians.
         reach : (float, float, float)
-            How far from it poses count along each axis.
+            Distance from it within which poses count, along each axis.
         """
         bins, squares, weights = belief.listed()
         lattice = belief.lattice

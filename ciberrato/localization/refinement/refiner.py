@@ -1,4 +1,4 @@
-"""When particles refine the estimate of the lattice, and when they are begun anew."""
+"""Refinement of the lattice's estimate by particles: its begin, and its renewal."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Refinement:
         found : PoseEstimate
             Estimate of the lattice.
         belief : PoseBelief
-            Where it comes from.
+            Belief from which it comes.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""How likely a reading is in a square of the lattice, for all expected readings at once.
+"""Likelihoods of a reading in a square of the lattice, for all expected readings at once.
 
 The expected reading of a state is kept as an 8-bit code; the steps between codes follow the reading's own
 spread, so that no code matters more than another. What a reading says about the states is then a table of

@@ -45,7 +45,7 @@ class TableWorker:
     coarse, fine : float or None
         Resolutions in units; None = those of `ciberrato.localization.tables.pose_tables`.
     folder : Path or None
-        Where tables are kept; None = the user's cache. One that cannot be written costs time in the next run.
+        Folder of kept tables; None = the user's cache. One that cannot be written costs time in the next run.
     progress : callable, optional
         Called in a thread of the worker.
     """
@@ -72,7 +72,7 @@ class TableWorker:
         """As soon as they are there."""
         self.fine: PoseTables | None = None
         self.seconds: dict[str, float] = {}
-        """When what was there, since `start`: ``coarse``, ``fine``, ``loops``."""
+        """Time from `start` until each part was there: ``coarse``, ``fine``, ``loops``."""
         self.megabytes = 0.0
         """Most memory of a process that computed tables."""
         self._began = time.monotonic()

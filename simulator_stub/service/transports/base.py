@@ -70,7 +70,7 @@ class Peer(ABC):
 
 
 class Newcomer(ABC):
-    """Where a registration came from.
+    """Origin of a registration.
 
     Attributes
     ----------
