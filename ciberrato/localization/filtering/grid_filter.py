@@ -214,7 +214,9 @@ class GridFilter:
         if self.map_fit is not None and step.motions and step.exponent > 0.0:
             misfit = self.stage.misfit(step)
             if misfit is not None:
-                self.map_fit.observe(misfit, step.exponent / self.stage.settings.exponent, step.time)
+                self.map_fit.observe(
+                    misfit, min(step.exponent / self.stage.settings.exponent, 1.0), step.time
+                )
         self.update(step, on_node=on_node)
         if self.refinement is not None:
             self.refinement.follow(step, min(step.exponent / self.stage.settings.exponent, 1.0))
@@ -312,6 +314,7 @@ class GridFilter:
             )
         self.restarts.append(time)
         self.alarm.reset()
+        self._tempering.begin_anew()
         self.belief.set_uniform()
         if self.gps is not None:
             self.gps.begin_anew(self.belief)
