@@ -19,7 +19,7 @@ CLAIM_RADIUS = 0.5
 """Units: the probability of an estimate is that of all poses so near, and turned so little."""
 CLAIM_TURN = math.radians(10.0)
 CERTAIN = 0.99
-"""Probability from which on the pose counts as known: that of a right claim, as probabilities are calibrated."""
+"""Probability from which on the pose counts as known; probabilities are calibrated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
