@@ -69,8 +69,7 @@ class Results(Observer):
     ) -> None:
         self.seed: int | None = seed
         self.count = 0
-        # As text, which takes a third of the memory of records, and each run is encoded only once: there may be
-        # thousands.
+        # As text, encoded once: there may be thousands of runs, and records take three times the memory.
         self._runs: list[bytes] = []
         self.answers: Callable[[int], dict[str, int | None]] | None = None
         self.lockstep: Callable[[int], dict[str, int]] | None = None
