@@ -182,7 +182,7 @@ class GridFilter:
         self._images.begin_message()
         if self.gps is not None and measures.gps is not None and self.belief.dense is None:
             found = self.estimate()
-            if found.certain:
+            if found.likely:
                 self.gps.offset.learn(measures.gps, found.x, found.y)
         if self.challenge is not None:
             winner = self.challenge.observe(self, measures, command_in_effect, before)

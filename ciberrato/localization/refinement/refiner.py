@@ -20,8 +20,6 @@ _APART_TURN = math.radians(7.0)
 _WIDE = 0.25
 """Standard deviation in units from which on particles refine nothing."""
 _PATIENCE = 5
-_LIKELY = 0.95
-"""Probability of the lattice's estimate from which on particles follow it."""
 
 
 class Refinement:
@@ -77,7 +75,7 @@ class Refinement:
             With the probability that it had.
         """
         if self._cloud.size == 0:
-            if found.probability <= _LIKELY or belief.dense is not None:
+            if not found.likely or belief.dense is not None:
                 return found
             self._begin(found, belief)
             if self._cloud.size == 0:
