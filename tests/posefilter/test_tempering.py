@@ -115,6 +115,14 @@ def test_the_exponents_fall_to_the_lasting_one_and_begin_anew_with_the_belief():
     assert tempering.exponent(0.1, 0.0, stage()) == 1.0
 
 
+def test_no_reading_counts_in_full_while_the_motion_is_in_doubt():
+    tempering = Tempering()
+    tempering.doubt()
+    assert [tempering.exponent(0.1, 0.0, stage()) for _ in range(3)] == [SETTINGS.exponent] * 3
+    tempering.begin_anew()
+    assert tempering.exponent(0.1, 0.0, stage()) == 1.0
+
+
 def test_a_robot_at_rest_has_one_reading_and_little_more():
     tempering = Tempering()
     powers = [tempering.exponent(0.0, 0.0, stage()) for _ in range(25)]

@@ -164,6 +164,10 @@ class GridFilter:
         """Begin in the middle of a run, with the last motion of the wheels and the last message's time."""
         self.alignment.begin_at(wheels, time)
 
+    def doubt_motion(self) -> None:
+        """Trust readings as little from now on as if some had been taken in; for commands of unsure time."""
+        self._tempering.doubt()
+
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
         """Process one message.
 
@@ -234,6 +238,7 @@ class GridFilter:
 
     def _move_blindly(self, moment: Moment) -> None:
         """Move the belief by a gap in which the robot may have been stopped at any time."""
+        self._tempering.doubt()
         interruption = Interruption(moment.doubtful, collided=any(one.collision for one in moment.motions))
         belief = self.belief
         if moment.otherwise:

@@ -23,11 +23,15 @@ class Tempering:
 
     def __init__(self) -> None:
         self._rested = 0
-        self._moments = 0
+        self._moments = 0.0
 
     def begin_anew(self) -> None:
         """Forget the moments: all poses are possible, and no error has been made yet."""
-        self._moments = 0
+        self._moments = 0.0
+
+    def doubt(self) -> None:
+        """Let no reading count in full any more: the motion is not known well, and its error stays."""
+        self._moments = math.inf
 
     def exponent(self, moved: float, turned: float, stage: Stage) -> float:
         """Return the power to which the likelihood of a moment is raised.
