@@ -167,6 +167,8 @@ class GridFilter:
     def doubt_motion(self) -> None:
         """Trust readings as little from now on as if some had been taken in; for commands of unsure time."""
         self._tempering.doubt()
+        if self.challenge is not None:
+            self.challenge.doubt_motion()
 
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
         """Process one message.
