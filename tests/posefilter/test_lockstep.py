@@ -93,4 +93,4 @@ def test_a_seed_gives_one_run(tmp_path, policy):
     assert all(cycle.estimate is not None for cycle in cycles)
     assert cycles[-1].entropy < cycles[0].entropy - 0.5
     assert "cycles without Measures" not in first[2]
-    assert len({cycle.command for cycle in cycles}) > 2
+    assert len({cycle.command for cycle in cycles}) > 1
