@@ -20,7 +20,7 @@ from ciberrato.errors import UsageError
 
 CHOICES = ("auto", "on", "off")
 VARIABLE = "CIBERRATO_COMPILED"
-LOOPS = 9
+LOOPS = 11
 """Number of compiled functions."""
 
 _active: ModuleType | None = None
