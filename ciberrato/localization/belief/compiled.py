@@ -17,7 +17,7 @@ from types import ModuleType
 from ciberrato.errors import UsageError
 from ciberrato.machine_code import VARIABLE, available, choice
 
-LOOPS = 9
+LOOPS = 11
 """Number of compiled functions."""
 
 _active: ModuleType | None = None
