@@ -67,8 +67,8 @@ class ViewLists:
         # The cones of a sector lie on one side of each of three lines: their edges, and one behind them.
         self._across_x = np.stack((-np.sin(low), np.sin(high), np.cos(middle)))
         self._across_y = np.stack((np.cos(low), -np.cos(high), np.sin(middle)))
-        self._across = np.column_stack((self._across_x.ravel(), self._across_y.ravel()))
-        self._limit = (-0.5 / SQUARES_PER_UNIT * np.abs(self._across).sum(axis=-1) - _MARGIN)[..., np.newaxis]
+        reach = np.abs(self._across_x) + np.abs(self._across_y)
+        self._limit = (-0.5 / SQUARES_PER_UNIT * reach - _MARGIN).reshape(-1, 1)
         # Each in one piece: one square is soon looked at, and small steps count.
         self._start_x, self._start_y = np.ascontiguousarray(start.T)
         self._end_x, self._end_y = np.ascontiguousarray(end.T)
@@ -114,8 +114,10 @@ class ViewLists:
 
     def _ahead(self, order: Indices, x: float, y: float) -> Booleans:
         """Find which of some faces cones of each sector can meet from the square round a point."""
-        start = self._across @ np.stack((self._start_x[order] - x, self._start_y[order] - y))
-        end = self._across @ np.stack((self._end_x[order] - x, self._end_y[order] - y))
+        # By hand: BLAS would start threads for it, which get into one another's way on a busy machine.
+        across_x, across_y = self._across_x.reshape(-1, 1), self._across_y.reshape(-1, 1)
+        start = across_x * (self._start_x[order] - x) + across_y * (self._start_y[order] - y)
+        end = across_x * (self._end_x[order] - x) + across_y * (self._end_y[order] - y)
         inside: Booleans = (
             (np.maximum(start, end) >= self._limit).reshape(-1, SECTORS, order.size).all(axis=0)
         )
