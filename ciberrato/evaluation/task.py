@@ -95,7 +95,7 @@ class Task:
 class Outcome:
     """Outcome of a run. Times are cycles since the start; None = never.
 
-    A *claim* is a probability above 0.95 that the pose is within 0.5 units and 10 degrees of the
+    A *claim* is a probability above 0.99 that the pose is within 0.5 units and 10 degrees of the
     estimate; it is wrong if the true pose is not.
 
     Attributes
