@@ -145,7 +145,7 @@ def summary(results: Sequence[Result]) -> dict[str, float | tuple[float, float]]
     wrong = sum(o.first_claim_wrong for o in claims)
     final = [o for o in outcomes if o.final_claim]
     place = np.array([o.final_place_error for o in final])
-    turn = np.array([o.final_turn_error for o in final])
+    turn = np.array([o.final_turn_error_deg for o in final])
     median_ms, slow_ms = _milliseconds(outcomes)
     return {
         "runs": len(outcomes),
