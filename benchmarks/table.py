@@ -23,9 +23,11 @@ MODULES = (
     "bayes_poses",
     "agent_timing",
     "agent_live",
+    "pose_tables",
     "simulator_speed",
     "gym_speed",
     "simulator_lockstep",
+    "lockstep_parts",
     "simulator_crowd",
 )
 """Modules of this package with `rows() -> Iterator[Row]`, in the order of the table. Add yours here."""

@@ -115,7 +115,7 @@ class Outcome:
     final_claim : bool
     final_place_error : float
         Units, of the last estimate.
-    final_turn_error : float
+    final_turn_error_deg : float
         Degrees.
     collisions : int
         Beginnings of collisions.
@@ -159,7 +159,7 @@ class Outcome:
     wrongly: int
     final_claim: bool
     final_place_error: float
-    final_turn_error: float
+    final_turn_error_deg: float
     collisions: int
     colliding: int
     restarts: list[int]

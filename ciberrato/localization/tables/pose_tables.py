@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.sweep import tabulate_distances
+from ciberrato.localization.belief import compiled
 from ciberrato.localization.belief.lattice import Lattice, build_lattice
 from ciberrato.localization.evidence.symmetry import Turn, find_turns
 from ciberrato.localization.tables.reading_codes import encode
@@ -29,13 +30,14 @@ BINS = 72
 """Number of heading bins, 5 degrees each."""
 
 FINE, COARSE = 0.1, 2.0 / 9.0
-"""Units between nodes: where the lab is not too large; where it is, or until the fine tables are there."""
-_LARGEST = 30.0 * 30.0
-"""Units squared of a lab that the fine lattice can follow in every cycle of 50 ms from an unknown pose."""
+"""Units between nodes: while the belief is a list of few states; while it is not, or the lab is too large."""
+_LARGEST = 50.0 * 50.0
+"""Units squared of a lab with a fine lattice. The filter uses it only for a list of states, so a cycle costs
+the same in any lab; but its tables and room take up to 0.1 MB a square unit that is free."""
 
 
 def fine_resolution(lab: Lab) -> float:
-    """Return with which resolution a lab can be followed in every cycle.
+    """Return the finest resolution with which a lab is followed.
 
     Parameters
     ----------
@@ -211,8 +213,14 @@ def build_tables(
             if progress is not None:
                 progress((number + done) / len(fractions))
 
-        degrees = np.arange(BINS * steps) * (360.0 / (BINS * steps)) + fraction
-        distances = tabulate_distances(walls, lattice.representative, np.deg2rad(degrees), progress=part)
-        coded = encode(distances)
+        coded = tabulate_distances(
+            walls,
+            lattice.representative,
+            math.radians(fraction),
+            BINS * steps,
+            convert=encode,
+            loops=compiled.kernels(),
+            progress=part,
+        )
         codes.append(np.concatenate([coded, coded]))
     return PoseTables(lattice=lattice, steps=steps, codes=tuple(codes), sensors=sensors, fractions=fractions)

@@ -71,6 +71,7 @@ class TableWorker:
         self.coarse: PoseTables | None = None
         """As soon as they are there."""
         self.fine: PoseTables | None = None
+        """Never there in a lab that is too large."""
         self.seconds: dict[str, float] = {}
         """Time from `start` until each part was there: ``coarse``, ``fine``, ``loops``."""
         self.megabytes = 0.0
@@ -138,17 +139,20 @@ class TableWorker:
 
     def _run(self) -> None:
         try:
-            from ciberrato.localization.tables.pose_tables import COARSE, FINE
+            from ciberrato.localization.tables.pose_tables import COARSE, fine_resolution
 
             coarse, fine = self._resolutions
             self.coarse = self._get("coarse", coarse or COARSE)
             self.seconds["coarse"] = time.monotonic() - self._began
-            self.fine = self._get("fine", fine or FINE)
-            self.seconds["fine"] = time.monotonic() - self._began
+            fine = fine or fine_resolution(self._lab)
+            if fine < (coarse or COARSE):
+                self.fine = self._get("fine", fine)
+                self.seconds["fine"] = time.monotonic() - self._began
         except BaseException as error:
             if not self._stopped:
                 self.error = error
         finally:
+            self._end_process()
             self._done.set()
 
     def _load_loops(self) -> None:
@@ -207,6 +211,26 @@ class TableWorker:
         from ciberrato.localization.tables.build import TableRequest
 
         request = pickle.dumps(TableRequest(self._lab, self._angles, resolution, 2, path))
+        process = self._process or self._begin_process()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            process.stdin.write(request)
+            process.stdin.flush()
+        except OSError:
+            pass  # it has ended already; what it left tells
+        for line in process.stdout:
+            if line.startswith(b"memory "):
+                self.megabytes = max(self.megabytes, float(line.split()[1]))
+                break
+            if self._progress is not None:
+                self._progress(which, float(line))
+        else:
+            self._end_process()
+        if self._progress is not None:
+            self._progress(which, 1.0)
+
+    def _begin_process(self) -> subprocess.Popen[bytes]:
         # A signal from the terminal is for the agent, which still needs the tables: hence the new session.
         self._process = subprocess.Popen(
             module_command("ciberrato.localization.tables.build"),
@@ -216,20 +240,14 @@ class TableWorker:
         )
         if self._stopped:
             self._process.terminate()
-        with self._process as process:
-            assert process.stdin is not None
-            assert process.stdout is not None
-            with contextlib.suppress(BrokenPipeError):  # it has ended already; what it left tells
-                process.stdin.write(request)
-                process.stdin.close()
-            for line in process.stdout:
-                if line.startswith(b"memory "):
-                    self.megabytes = max(self.megabytes, float(line.split()[1]))
-                elif self._progress is not None:
-                    self._progress(which, float(line))
-        self._process = None
-        if self._progress is not None:
-            self._progress(which, 1.0)
+        return self._process
+
+    def _end_process(self) -> None:
+        """End the process that computes, if there is one, when it has done what it was asked to."""
+        process, self._process = self._process, None
+        if process is not None:
+            with contextlib.suppress(OSError):
+                process.__exit__(None, None, None)
 
 
 class TablesError(CiberratoError):
