@@ -86,8 +86,8 @@ class ActiveDrive:
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """Decide on a command, see `agent.drives.base.Drive`."""
-        found = pose_filter.estimate()
-        known = found.certain or (found.likely and self._mode is _Mode.LOCALIZED)
+        pose = pose_filter.estimate()
+        known = pose.certain or (pose.likely and self._mode is _Mode.LOCALIZED)
         self._known = self._known + 1 if known else 0
         if self._known >= self._hold:
             self._mode = _Mode.LOCALIZED
