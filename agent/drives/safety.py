@@ -80,6 +80,11 @@ class Bumper:
         return self._most(self._right)
 
     @property
+    def behind(self) -> float:
+        """Reading behind."""
+        return self._most(self._behind)
+
+    @property
     def closed(self) -> float:
         """Radians to both sides of straight ahead in which no path is open."""
         if self.bumped:
@@ -123,7 +128,7 @@ class Bumper:
     @property
     def retreat(self) -> float:
         """Motor command that takes the robot off a wall that it almost touches ahead or behind."""
-        ahead, behind = self.ahead, self._most(self._behind)
+        ahead, behind = self.ahead, self.behind
         if max(ahead, behind) < _TOUCHING or max(ahead, behind) < 2.0 * min(ahead, behind):
             return 0.0
         return -_RETREAT if ahead > behind else _RETREAT

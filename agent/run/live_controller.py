@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _ENTROPY_EVERY = 5  # cycles between two looks at the entropy of a belief over very many states
 _MANY = 50_000
+_RELAYED_BUDGET = 4.0
+"""Cycles that the filter may take to catch up where another process answers meanwhile."""
 
 
 class LiveController:
@@ -89,10 +91,17 @@ class LiveController:
         self._arrived = arrived if newest else None
         if self._lockstep:
             arrived = None
+        live, later = self.localizer.live, False
+        if self.exchange.is_relayed:
+            live.budget = _RELAYED_BUDGET * self.exchange.pace.seconds
+            later = not newest and measures.start
         if self.exchange.judge(measures) is News.FRESH:
-            self.localizer.feed(measures, self.exchange.command_in_effect(arrived, measures.time))
+            acted = self.exchange.command_in_effect(arrived, measures.time)
+            self.localizer.feed(measures, acted, later=later)
         cycle, actions = self.controller.observe(measures, newest=newest, arrived=arrived)
-        return self._add_pose(cycle, measures), actions
+        return self._with_step(cycle, measures, entered=False) if later else self._add_pose(
+            cycle, measures
+        ), actions
 
     def sent(self, time: float) -> None:
         """Record the answer, see `Controller.sent`."""
