@@ -30,7 +30,7 @@ _LONGEST_HOLD = 10
 _REST = 20
 """Cycles without a decision after which the robot goes on by its IR sensors alone."""
 _ROAMING = 0.6
-"""Of the cruising speed, without the belief: a corner between two cones is not seen before it is very near."""
+"""Of the cruising speed, without the belief: a corner between two cones is seen when it is very near only."""
 _EPSILON = 1e-3
 
 
@@ -141,7 +141,9 @@ class Reflex:
         moving = (self._wheels[0] + self._wheels[1]) / 2.0
         if power > 0.0:
             if (stale and measures.collision) or self._bumper.brushes:
-                power = -max(moving, 0.0)  # stops wheels that run on in one cycle; decided without knowing of it, or for a robot that is heard sooner
+                # Decided without knowing of it, or for a robot that is heard sooner. The wheels run on: the
+                # opposite command stops them in one cycle.
+                power = -max(moving, 0.0)
             free = min(
                 1.0 / max(self._bumper.ahead + self._noise, _EPSILON) - STOP_SHORT,
                 _SIDE / max(self._bumper.left, self._bumper.right, _EPSILON),

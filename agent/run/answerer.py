@@ -140,12 +140,14 @@ class Answerer:
         self._decided = time
         self._reflex.decide(command, time)
         if self._newest is not None and self._newest[0].start and self._pace.is_real_time:
+            self._learn(now)
             command = self._reflex.command()
         self._leave(actions, command, now)
 
     def tick(self, now: float) -> None:
         """Do what is due."""
         if now >= self._due:
+            self._learn(now)
             self._leave(Actions(), self._reflex.command(), now)
         elif now >= self._stop_at:
             # A robot that is told nothing goes on as it was told last: blindly, and into walls.
@@ -157,6 +159,14 @@ class Answerer:
         self._send(encode(Actions(left_motor=0.0, right_motor=0.0)))
         self._tell(Answered(now, STANDSTILL, stop=True))
         self._reflex.stop()
+
+    def _learn(self, now: float) -> None:
+        """Learn how late the answer is that is about to leave, so that it is safe for as long itself."""
+        if not self._open or self._newest is None:
+            return
+        since = now - self._last if self._last > 0.0 else 0.0
+        waited = now - self._newest[1]
+        self._reflex.answered(max(since / self._pace.seconds, 1.0 + waited / self._pace.seconds))
 
     def _leave(self, actions: Actions, command: Command, now: float) -> None:
         left, right = command
@@ -170,9 +180,6 @@ class Answerer:
         if self._open and self._newest is not None:
             measures, came = self._newest
             answers, seconds = measures.time, now - came
-            if self._pace.is_real_time and measures.start:
-                since = now - self._last if self._last > 0.0 else 0.0
-                self._reflex.answered(max(since / self._pace.seconds, 1.0 + seconds / self._pace.seconds))
             self._last = now
         self._tell(Answered(now, command, answers=answers, seconds=seconds, overtaken=self._overtaken))
         self._overtaken = 0

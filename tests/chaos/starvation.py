@@ -21,7 +21,8 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,8 @@ from ciberrato.system.process import processors
 
 SURE = 0.9
 OFF = 0.5
+PATIENCE = 8.0
+"""Seconds that an agent may take to end."""
 BUSY = """
 import os
 parent = os.getppid()
@@ -126,7 +129,7 @@ def run(lab: str, drive: str, seed: int, cycles: int, speed: float, niceness: in
                 agent += ["--drive", drive, "--log", str(log), "-o", str(folder / "belief.out")]
                 if not late:
                     agent = ["nice", "-n", str(niceness), *agent]
-                said_by_agent = drive_starved(agent, niceness if late else None)
+                said_by_agent = drive_starved(agent, niceness if late else None, simulator)
                 simulator.wait(120.0)
             finally:
                 simulator.kill()
@@ -135,19 +138,31 @@ def run(lab: str, drive: str, seed: int, cycles: int, speed: float, niceness: in
         return compare(truth, result, log, slow)
 
 
-def drive_starved(agent: list[str], niceness: int | None) -> str:
-    """Run the agent, made nice when it has registered if that is asked for; return what it said."""
-    said = []
+def drive_starved(agent: list[str], niceness: int | None, simulator: subprocess.Popen[str]) -> str:
+    """Run the agent, made nice when it has registered if that is asked for; return what it said.
+
+    When the simulator has ended the agent has some seconds to process what is left: the log is there already.
+    """
+    said: list[str] = []
     with subprocess.Popen(agent, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stderr is not None
-            for line in process.stderr:
+        assert process.stderr is not None
+
+        def listen(lines: Iterable[str]) -> None:
+            for line in lines:
                 said.append(line)
                 if niceness is not None and "registered as" in line:
                     make_nice(process.pid, niceness)
-            assert process.wait(60.0) == 0, "".join(said)
+
+        listener = threading.Thread(target=listen, args=(process.stderr,), daemon=True)
+        listener.start()
+        simulator.wait(900.0)
+        try:
+            assert process.wait(PATIENCE) == 0, "".join(said)
+        except subprocess.TimeoutExpired:
+            pass
         finally:
             process.kill()
+        listener.join()
     return "".join(said)
 
 
