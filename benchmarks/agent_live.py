@@ -38,6 +38,9 @@ class Live:
     unanswered: int
     tables: str
     memory: tuple[float, float]
+    answered: int = 0
+    late: int = 0
+    """Answers that took longer than half a cycle."""
 
     @property
     def note(self) -> str:
@@ -132,8 +135,13 @@ def parse(said: str) -> Live:
     assert filtered is not None, said
     assert answers is not None, said
     assert tables is not None, said
-    missed = re.search(r"(\d+) cycles without Measures; (\d+) Measures not", said)
-    lost, unanswered = (int(missed[1]), int(missed[2])) if missed else (0, 0)
+    missed = re.search(
+        r"\d+ of (\d+) later than a cycle of .* ms, (\d+) than half a cycle; "
+        r"(\d+) Measures unanswered, (\d+) lost",
+        said,
+    )
+    assert missed is not None, said
+    answered, late, unanswered, lost = map(int, missed.groups())
     return Live(
         loops=filtered[1],
         filter=_seconds(filtered.groups()[1:4]),
@@ -143,6 +151,8 @@ def parse(said: str) -> Live:
         unanswered=unanswered,
         tables=tables[1],
         memory=(float(tables[2]), float(tables[3])),
+        answered=answered,
+        late=late,
     )
 
 
