@@ -63,7 +63,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.deadlines")
     parser.add_argument("--runs", type=int, default=16)
     parser.add_argument("--busy", type=int, nargs="+", default=[0, 2], help="processes that only count")
-    parser.add_argument("--cycles", type=int, default=200)
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each run")
     parser.add_argument("--kinds", nargs="+", choices=sorted(KINDS), default=sorted(KINDS))
     parser.add_argument("--lab", nargs="+", default=["standard", "corridors", "maze", "rooms"])
     parser.add_argument("--cold", action="store_true", help="an empty cache for each run")
@@ -77,7 +77,13 @@ def main() -> None:
                 cache = Path(folder) / (f"{number}-{kind}" if options.cold else "cache")
                 for count in options.busy:
                     with busy(count):
-                        live = run(lab, compiled, cycle_time, cache, cycles=options.cycles)
+                        live = run(
+                            lab,
+                            compiled,
+                            cycle_time,
+                            cache,
+                            cycles=round(1000 * options.seconds / cycle_time),
+                        )
                     found.setdefault((kind, count), []).append(live)
         for (kind, count), runs in found.items():
             cycle_time = KINDS[kind][1]
