@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
 from ciberrato.errors import UsageError
@@ -38,8 +39,8 @@ class Results(Observer):
     ----------
     seed : int or None
         Seed of the run that is going on; None if it has none of its own, as after a Reset.
-    runs : list of dict
-        The runs so far, as they are in the result file.
+    count : int
+        Number of runs so far.
     answers : callable or None
         Tells by a robot's id which Measures it answered.
     lockstep : callable or None
@@ -67,7 +68,9 @@ class Results(Observer):
         lost: Lost = lose_nothing,
     ) -> None:
         self.seed: int | None = seed
-        self.runs: list[dict[str, Any]] = []
+        self.count = 0
+        # As text, encoded once: there may be thousands of runs, and records take three times the memory.
+        self._runs: list[bytes] = []
         self.answers: Callable[[int], dict[str, int | None]] | None = None
         self.lockstep: Callable[[int], dict[str, int]] | None = None
         self._scoring = scoring
@@ -87,7 +90,7 @@ class Results(Observer):
         """Store the outcome, write it, and report it."""
         if simulation.time > 0:
             run = outcome(simulation) | {
-                "run": len(self.runs) + 1,
+                "run": self.count + 1,
                 "seed": self.seed,
                 "scoring": self._scoring,
             }
@@ -102,7 +105,9 @@ class Results(Observer):
                     robot["dropped"] = by_robot[robot["id"]]
             run["losses"] = self.losses[self._told_losses :]
             self._told_losses = len(self.losses)
-            self.runs.append(run)
+            self.count += 1
+            if self._path is not None:
+                self._runs.append(indent(json.dumps(run, indent=2), "    ").encode())
             self._save()
             for line in summary(run):
                 self._notify(line)
@@ -111,9 +116,9 @@ class Results(Observer):
     def _save(self) -> None:
         if self._path is None:
             return
-        text = json.dumps({"format": FORMAT, "runs": self.runs}, indent=2) + "\n"
+        runs = b"[\n" + b",\n".join(self._runs) + b"\n  ]" if self._runs else b"[]"
         try:
-            replace_file(self._path, text.encode())
+            replace_file(self._path, b'{\n  "format": %d,\n  "runs": %s\n}\n' % (FORMAT, runs))
         except UsageError as error:
             self.current = False
             self._lost(f"{error}; the run goes on")

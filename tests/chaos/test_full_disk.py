@@ -130,7 +130,7 @@ def test_a_result_that_could_not_be_written_comes_whole_when_there_is_room_again
     results = Results(seed=1, scoring=0, path=path, notify=print, lost=lines.append)
     before = path.read_bytes()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    results.runs = [{"run": number} for number in range(200)]
+    results._runs = [b'{"run": %d}' % number for number in range(200)]
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, hard))
     try:
         results._save()

@@ -217,7 +217,7 @@ def test_results_are_written_for_each_run_in_which_time_passed(
     assert (told["visited"], told["collisions"], told["returning_time"]) == ([], 0, 0)
     assert told["arrival_time"] == 4
     session.close()
-    assert len(results.runs) == 1, "the second run had not begun"
+    assert results.count == 1, "the second run had not begun"
     assert lines == [
         "run 1: time 4 of 6",
         "robot 1, 'r': running, score 300, targets visited: none, collisions: 0",
@@ -229,7 +229,9 @@ def test_a_result_file_that_cannot_be_written_is_an_error(tmp_path: Path) -> Non
         Results(seed=1, scoring=0, path=tmp_path / "none/result.json", notify=print)
 
 
-def test_runs_follow_one_another_with_seeds_counted_up(session: Session, results: Results, join: Any) -> None:
+def test_runs_follow_one_another_with_seeds_counted_up(
+    session: Session, results: Results, join: Any, tmp_path: Path
+) -> None:
     runs = Runs(session, results, seed=11, count=3)
     noise = []
     for number in range(3):
@@ -247,7 +249,10 @@ def test_runs_follow_one_another_with_seeds_counted_up(session: Session, results
         noise.append([message.infrared for message in messages if message.time])
         assert alive == (number < 2)
     session.close()
-    assert [(entry["run"], entry["seed"], entry["state"]) for entry in results.runs] == [
+    text = (tmp_path / "result.json").read_text()
+    document = json.loads(text)
+    assert text == json.dumps(document, indent=2) + "\n"
+    assert [(entry["run"], entry["seed"], entry["state"]) for entry in document["runs"]] == [
         (1, 11, "Finished"),
         (2, 12, "Finished"),
         (3, 13, "Finished"),
