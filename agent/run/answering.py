@@ -10,6 +10,7 @@ import gc
 import select
 import sys
 import time
+from typing import Any
 
 from agent.run.answerer import Answerer
 from agent.run.channel import Channel
@@ -24,8 +25,17 @@ from ciberrato.system.sockets import inherited_channel, receive_socket
 _LONGEST_WAIT = 3600.0
 
 
-def serve(channel: Channel, link: UdpLink, begin: Begin) -> None:
-    """Answer until the agent wants no more, or is gone."""
+def serve(channel: Channel, link: UdpLink, begin: Begin, records: list[Decision | End]) -> None:
+    """Answer until the agent wants no more, or is gone.
+
+    Parameters
+    ----------
+    channel : Channel
+    link : UdpLink
+    begin : Begin
+    records : list of Decision or End
+        Those that came right behind it.
+    """
 
     def send(data: bytes) -> None:
         try:
@@ -43,13 +53,13 @@ def serve(channel: Channel, link: UdpLink, begin: Begin) -> None:
             channel.send(stamped)  # first, so that the agent can begin to think
             answerer.take(stamped, now)
             arrivals = []
-        for record in channel.receive():
+        for record in [*records, *channel.receive()]:
             if isinstance(record, End):
                 return
-            assert isinstance(record, Decision)
             actions = _decode(record.data)
             if actions is not None:
                 answerer.decide(record.time, actions, time.time())
+        records = []
         if channel.ended:  # the agent was killed: nobody will think any more
             answerer.stop(time.time())
             return
@@ -77,19 +87,19 @@ def main() -> None:
         if handed is None:
             return  # there will be no run
         channel = Channel(sock)
-        records: list[Begin] = []
+        records: list[Any] = []
         while not records and not channel.ended:
             channel.wait(_LONGEST_WAIT)
             records = channel.receive()
         if not records:
             handed.close()
             return
-        begin = records[0]  # decisions follow messages: there is no other record yet
+        begin, *more = records
         gc.collect()
         gc.freeze()
         link = UdpLink.handed_over(handed, begin.host, begin.port, begin.peer)
         try:
-            serve(channel, link, begin)
+            serve(channel, link, begin, more)
         finally:
             link.close()
 

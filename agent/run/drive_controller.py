@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ciberrato.world.parameters import Parameters
 
 
-_BEHIND = 2
+BEHIND = 2
 """Messages not weighed yet, at most, with which a drive decides where another process answers if need be."""
 
 
@@ -110,7 +110,7 @@ class DriveController:
         if not measures.start:
             return self.exchange.answer(STANDSTILL)
         grid = self._localizer.live.filter
-        if grid is not None and self._localizer.live.lag > _BEHIND and self.exchange.answers_itself:
+        if grid is not None and self._localizer.live.lag > BEHIND and self.exchange.answers_itself:
             return None  # what would be decided for a place where the robot is no more
         if grid is None or not self._localizer.live.is_ready:
             decision = self._first.decide(measures)

@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from agent.drives.right.controller import Controller
-from agent.run.drive_controller import DriveController
+from agent.run.drive_controller import BEHIND, DriveController
 from agent.run.live_belief import BeliefLog
 from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.protocol.messages import Actions, Measures
@@ -114,7 +114,8 @@ class LiveController:
         live = self.localizer.live
         found, grid = live.estimate(), live.filter
         self.cell_entered = None
-        if found is None or grid is None or not live.is_ready:
+        behind = self.exchange.is_relayed and live.lag > BEHIND
+        if found is None or grid is None or not live.is_ready or behind:
             # What is not of now is no belief that anybody should be shown.
             return self._with_step(cycle, measures, entered=False)
         belief = grid.belief

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import subprocess
 from typing import TYPE_CHECKING
 
@@ -109,6 +110,14 @@ class RelayedLink:
         """Return the descriptor that becomes readable when something arrives."""
         return self._link.fileno() if self._channel.ended else self._channel.fileno()
 
+    def wait(self, timeout: float) -> None:
+        """Wait until something arrives, or time is up."""
+        select.select([self.fileno()], [], [], timeout)
+
+    def abandon(self) -> None:
+        """Close the way to the process, as the end of this one would: it stops the robot, and ends."""
+        self._channel.close()
+
     def release(self) -> None:
         """End the process: nothing that it would send may come after what the agent sends itself."""
         if self._process.returncode is not None:
@@ -134,7 +143,7 @@ class Relay:
     """Starts the process that will answer, while the agent prepares and registers."""
 
     def __init__(self) -> None:
-        self._process, self._socket = start_with_channel(module_command("agent.run.answering"))
+        self.process, self._socket = start_with_channel(module_command("agent.run.answering"))
 
     def take_over(self, link: UdpLink, following: tuple[bytes, ...], setup: AnswererSetup) -> RelayedLink:
         """Hand the link over.
@@ -151,16 +160,16 @@ class Relay:
         send_socket(self._socket, link.endpoint)
         channel = Channel(self._socket)
         channel.send(Begin(*link.main, link.peer, following, setup))
-        return RelayedLink(self._process, channel, link)
+        return RelayedLink(self.process, channel, link)
 
     def close(self) -> None:
         """End the process, if nothing was handed over to it or it runs still."""
         self._socket.close()
         try:
-            self._process.wait(_PATIENCE)
+            self.process.wait(_PATIENCE)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            self.process.kill()
+            self.process.wait()
 
 
 def can_relay() -> bool:

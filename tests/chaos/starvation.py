@@ -32,7 +32,7 @@ from ciberrato.system.process import processors
 
 SURE = 0.9
 OFF = 0.5
-PATIENCE = 8.0
+PATIENCE = 4.0
 """Seconds that an agent may take to end."""
 BUSY = """
 import os
