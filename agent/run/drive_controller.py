@@ -109,10 +109,11 @@ class DriveController:
     def _answer(self, measures: Measures, under_way: int) -> Actions | None:
         if not measures.start:
             return self.exchange.answer(STANDSTILL)
-        grid = self._localizer.live.filter
-        if grid is not None and self._localizer.live.lag > BEHIND and self.exchange.answers_itself:
+        live = self._localizer.live
+        grid = live.filter
+        if self.exchange.answers_itself and (not live.is_ready or live.lag > BEHIND):
             return None  # what would be decided for a place where the robot is no more
-        if grid is None or not self._localizer.live.is_ready:
+        if grid is None or not live.is_ready:
             decision = self._first.decide(measures)
         else:
             decision = self._drive.decide(measures, grid)
