@@ -23,6 +23,8 @@ from ciberrato.world.parameters import Parameters
 
 _WAIT = 0.3
 """Of a cycle that an answer waits for a decision on its message."""
+_LATE_TURN = 0.1
+"""Of a cycle after a message came, from which on its answer does not wait."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +125,9 @@ class Answerer:
         self._stop_at = now + self._pace.patience if self._command != STANDSTILL else math.inf
         self._due = math.inf
         if measures.start and not measures.stop and self._pace.is_real_time:
-            self._due = came + _WAIT * self._pace.seconds if self._punctual else now
+            # A turn on the processor that came late may be the only one in this cycle.
+            waits = self._punctual and now - came < _LATE_TURN * self._pace.seconds
+            self._due = came + _WAIT * self._pace.seconds if waits else now
 
     def decide(self, time: int, actions: Actions, now: float) -> None:
         """Send the agent's decision on a message, made safe for what has come since.
