@@ -34,7 +34,7 @@ class Answered(NamedTuple):
     Attributes
     ----------
     time : float
-        When it left, in seconds by the clock that stamps arrivals.
+        Moment of leaving, in seconds by the clock that stamps arrivals.
     command : (float, float)
     stop : bool
         Whether it only stops a robot that is not heard.

@@ -1,4 +1,4 @@
-"""Commands that are safe although nobody has time to think: for the process that answers every message.
+"""Commands that are safe although there is no time to think: for the process that answers every message.
 
 The simulator keeps the last command while it hears of no other. A command is therefore safe only if the
 robot may follow it for as long as the next answer may take. How long that is, is learnt from how late answers
@@ -68,7 +68,7 @@ class Reflex:
         return self._late
 
     def observe(self, measures: Measures) -> None:
-        """Take a message in."""
+        """Update what is known with a message."""
         passed = 1 if self._measures is None else min(max(measures.time - self._measures.time, 0), 10)
         way = turn = 0.0
         for _ in range(passed):
@@ -95,7 +95,7 @@ class Reflex:
         self._late = max(late, 1.0 + _MEMORY * (self._late - 1.0))
 
     def decide(self, command: Command, time: int) -> None:
-        """Take the drive's decision in.
+        """Replace the decision that holds by one of the drive.
 
         Parameters
         ----------

@@ -91,7 +91,7 @@ class Answerer:
         return min(self._due, self._stop_at)
 
     def take(self, arrivals: Sequence[Arrival], now: float) -> None:
-        """Take messages in that have come together; only the newest is to be answered.
+        """Process messages that have come together; only the newest is to be answered.
 
         Parameters
         ----------

@@ -60,7 +60,7 @@ def serve(channel: Channel, link: UdpLink, begin: Begin, records: list[Decision 
             if actions is not None:
                 answerer.decide(record.time, actions, time.time())
         records = []
-        if channel.ended:  # the agent was killed: nobody will think any more
+        if channel.ended:  # the agent was killed: there will be no decision any more
             answerer.stop(time.time())
             return
         now = time.time()

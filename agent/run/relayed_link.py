@@ -146,7 +146,7 @@ class Relay:
         self.process, self._socket = start_with_channel(module_command("agent.run.answering"))
 
     def take_over(self, link: UdpLink, following: tuple[bytes, ...], setup: AnswererSetup) -> RelayedLink:
-        """Hand the link over.
+        """Send the link to the process, and return the agent's end.
 
         Parameters
         ----------

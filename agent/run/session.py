@@ -220,7 +220,7 @@ class Session:
                 return str(error)
 
     def _hand_over(self, link: Link, answer: Answer) -> RelayedLink | None:
-        """Let another process answer from now on, if there is one."""
+        """Send the link to the process that is to answer from now on, if there is one."""
         from ciberrato.net.udp import UdpLink
 
         if self._relay is None or not isinstance(link, UdpLink):

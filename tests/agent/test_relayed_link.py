@@ -34,7 +34,7 @@ def test_records_of_any_length_arrive_whole_and_in_order() -> None:
     records = [b"x" * length for length in (0, 1, 70_000, 3_000_000)] + [("a", 1.5)]
     for record in records:
         ours.send(record)
-    assert ours.is_waiting  # more than the stream takes, and nobody was held up
+    assert ours.is_waiting  # more than the stream takes, and the sender was not held up
     heard = []
     while len(heard) < len(records):
         heard += theirs.receive()
