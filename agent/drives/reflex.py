@@ -21,6 +21,8 @@ _MEMORY = 0.98  # of the lateness, from answer to answer
 _MARGIN = 2.5
 """Delays as long as this times the longest one lately are reckoned with."""
 _IN_TIME = 1.5  # cycles; jitter of the clocks included
+_LATE = 2.0
+"""Cycles from which on a robot drives no faster than one without decisions: it, too, is stopped late."""
 _MOST_TURN = 1.5
 """Radians that a robot may turn before the next answer."""
 _SIDE = 1.5
@@ -148,6 +150,8 @@ class Reflex:
                 1.0 / max(self._bumper.ahead + self._noise, _EPSILON) - STOP_SHORT,
                 _SIDE / max(self._bumper.left, self._bumper.right, _EPSILON),
             )
+            if cycles > _LATE:
+                power = min(power, _ROAMING * self._cruise)
             power = min(power, max(free - moving, 0.0) / (cycles + 1.0))
         elif power < 0.0:
             free = 1.0 / max(self._bumper.behind + self._noise, _EPSILON) - STOP_SHORT
