@@ -108,7 +108,7 @@ def test_a_decision_holds_for_some_cycles_and_not_for_ever() -> None:
         bench.hear(measures(time))
         bench.pass_time(bench.now + CYCLE)
     commands = [command(actions) for _, actions in bench.sent[80:]]
-    assert commands[:3] == [(0.1, 0.1)] * 3
+    assert commands[:3] == [(0.1, 0.1), (0.06, 0.06), (0.06, 0.06)]
     assert set(commands[3:]) == {(0.0, 0.0)}
 
 
@@ -143,7 +143,7 @@ def test_of_messages_that_come_together_the_newest_is_answered_and_the_rest_coun
         exchange.relayed(answer)
     assert exchange.unanswered == 3
     assert exchange.answered == {*range(20), 23}
-    assert exchange.command_in_effect(bench.now + 1.0) == (0.1, 0.1)
+    assert exchange.command_in_effect(bench.now + 1.0) == bench.told[-1].command == (0.06, 0.06)
 
 
 def test_a_robot_that_is_not_heard_is_stopped_again_and_again() -> None:
