@@ -39,6 +39,7 @@ from simulator_stub.service.runs import Runs
 from simulator_stub.service.server import Server, open_transports
 from simulator_stub.service.session import Session
 from simulator_stub.service.transports import TRANSPORTS, Transport
+from simulator_stub.service.vigil import Vigil
 from simulator_stub.simulation import Simulation
 
 _REAL = r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*"
@@ -250,5 +251,5 @@ def _pace(options: argparse.Namespace, session: Session, parameters: Parameters,
     if options.lockstep:
         limit = DEFAULT_ANSWER_LIMIT if options.answer_limit is None else options.answer_limit
         adaptive = options.answer_limit is None
-        return Lockstep(session, period, limit=limit, adaptive=adaptive, notify=notify)
+        return Lockstep(session, period, limit=limit, adaptive=adaptive, notify=notify, vigil=Vigil())
     return RealTime(session, period)

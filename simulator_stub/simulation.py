@@ -8,7 +8,7 @@ around it (`simulator_stub.service`) turn datagrams and time into such calls.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -110,6 +110,8 @@ class Simulation:
         self._machine = SimulatorStateMachine()
         self._robots: dict[int, Robot] = {}
         self._sensors: dict[int, tuple[Sensor, ...]] = {}
+        self._updates: dict[int, list[Callable[[Robot, Scene], None]]] = {}  # methods, bound once
+        self._reports: dict[int, list[Callable[[Robot, dict[str, Any]], None]]] = {}
         self._carried_beacon: Beacon | None = None
         self._begin_world()
 
@@ -204,7 +206,9 @@ class Simulation:
             beacons_known=beacons,
         )
         sensors = [sensor(self.world, robot, self._noise) for sensor in self._kinds]
-        self._sensors[robot_id] = tuple(sensor for sensor in sensors if sensor.is_present)
+        present = self._sensors[robot_id] = tuple(sensor for sensor in sensors if sensor.is_present)
+        self._updates[robot_id] = [sensor.update for sensor in present]
+        self._reports[robot_id] = [sensor.report for sensor in present]
         robot.request_names = frozenset(name for sensor in sensors for name in sensor.request_names)
         return robot
 
@@ -253,13 +257,10 @@ class Simulation:
         seed : int or numpy.random.Generator, optional
             As for a new simulation; by default fresh random numbers follow from the seed that it has.
         """
-        if seed is None:
-            self._noise = self._noise.next_world()
-        else:
-            self._noise = NoiseRoot.from_seed(seed)
+        self._noise = self._noise.next_world() if seed is None else NoiseRoot.from_seed(seed)
         self._machine = SimulatorStateMachine()
         self._robots = {}
-        self._sensors = {}
+        self._sensors, self._updates, self._reports = {}, {}, {}
         self._carried_beacon = None
         self._begin_world()
 
@@ -357,8 +358,8 @@ class Simulation:
         speakers = [robot for robot in self._robots.values() if robot.said is not None]
         scene = Scene(present, self.time, running, speakers, self.gps_offset)
         for robot in present:
-            for sensor in self._sensors[robot.robot_id]:
-                sensor.update(robot, scene)
+            for update in self._updates[robot.robot_id]:
+                update(robot, scene)
         if running:
             for robot in present:
                 if robot.state in MOVING:
@@ -386,8 +387,8 @@ class Simulation:
 
     def _measures(self, robot: Robot) -> Measures:
         fields: dict[str, Any] = {}
-        for sensor in self._sensors[robot.robot_id]:
-            sensor.report(robot, fields)
+        for report in self._reports[robot.robot_id]:
+            report(robot, fields)
         return self._complete(robot, fields)
 
     def _complete(self, robot: Robot, fields: dict[str, Any]) -> Measures:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import belief_array, belief_bounds, log_likelihood_array, refuse_log_likelihood
 from ciberrato.bayes.recovery import POLICIES, ImpossiblePolicy, recover
@@ -27,6 +28,8 @@ _FAR = -600.0
 # The smallest number that has all its digits, and a belief that exp(_FAR) does not take below it.
 _LEAST, _LOG_LEAST, _SMALL = 2.2250738585072014e-308, -708.3964185322641, 1e-46
 _FEW = 4096
+# Sums up to this, of products down to the least one that the machine code does not report: all scale safely.
+_PLAIN_TOTAL, _PLAIN_LEAST = 1e7, 1e-300
 
 
 class _Pair(NamedTuple):
@@ -73,6 +76,8 @@ def update(
 
     Works for likelihoods far below the smallest float: only their ratios count. -inf means impossible. Every
     state whose posterior probability a double can hold gets it; the others are counted in `Update.lost`.
+    In machine code (`ciberrato.bayes.compiled`) each posterior is the same to 1e-14 of it, or to 1e-12 where
+    it is below 1e-300.
 
     Parameters
     ----------
@@ -104,6 +109,10 @@ def update(
         raise ValueError(
             f"no policy {on_impossible!r} for impossible readings; choose one of {', '.join(POLICIES)}"
         )
+    if compiled.kernels() is not None and belief.size:
+        result = _update_compiled(belief, log_likelihood, out)
+        if result is not None:
+            return result
     least, most = belief_bounds(belief, massless=True)
     lowest = float(np.minimum.reduce(log_likelihood, axis=None, initial=np.inf))
     best = float(np.maximum.reduce(log_likelihood, axis=None, initial=-np.inf))
@@ -135,6 +144,34 @@ def update(
         np.multiply(weights, log_likelihood >= best + _FAR, out=weights)
     lost = _finish(weights, total, belief, log_likelihood, most, log_evidence)
     return Update.of(_written(weights, out), log_evidence, lost)
+
+
+def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
+    """Return what `update` does, by machine code; None where it is not plain that it can."""
+    loops: Any = compiled.kernels()
+    best = float(np.maximum.reduce(log_likelihood, axis=None))
+    flat, scores = np.ascontiguousarray(belief).ravel(), np.ascontiguousarray(log_likelihood).ravel()
+    if not -math.inf < best < math.inf:
+        return None
+    weights = np.empty(belief.shape)
+    products = weights.ravel()
+    greatest = 1e300 / flat.size
+    parts = compiled.share(
+        lambda begin, end: loops.products(
+            flat, scores, best, _FAR, _PLAIN_LEAST, greatest, products, begin, end
+        ),
+        flat.size,
+        flat.size,
+    )
+    total = math.fsum(part[0] for part in parts)
+    if any(part[2] for part in parts) or not _SAFE_TOTAL < total < _PLAIN_TOTAL:
+        return None
+    log_evidence = best + math.log(total)
+    if any(part[1] for part in parts):
+        lost = _finish(weights, total, belief, log_likelihood, float(belief.max()), log_evidence)
+        return Update.of(_written(weights, out), log_evidence, lost)
+    compiled.share(lambda begin, end: loops.scale(products, 1.0 / total, begin, end), flat.size, flat.size)
+    return Update(_written(weights, out), log_evidence)
 
 
 def _finish(

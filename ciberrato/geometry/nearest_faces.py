@@ -14,7 +14,7 @@ from itertools import islice
 
 import numpy as np
 
-from ciberrato.arrays import Floats
+from ciberrato.arrays import Floats, Indices
 
 Face = tuple[float, float, float, float, float, float, float, float, float]
 """Start x and y, end x and y, edge x and y (from start to end), length, direction x and y (unit vector)."""
@@ -123,7 +123,7 @@ class NearbyFaces:
         ux, uy = self._direction[:, 0], self._direction[:, 1]
         along = np.minimum(np.maximum(dx * ux + dy * uy, 0.0), self._length)
         bounds = np.hypot(dx - along * ux, dy - along * uy) - (_HALF_DIAGONAL + _MARGIN)
-        order = np.argsort(bounds)
+        order = least(bounds, _MAX_FACES + 1)
         reach = float(bounds[order[_MAX_FACES]]) if order.size > _MAX_FACES else math.inf
         order = order[:_MAX_FACES]
         return bounds[order].tolist(), [self._faces[index] for index in order.tolist()], reach
@@ -140,3 +140,24 @@ def _distance(x: float, y: float, face: Face) -> float:
         dx, dy = x - x1, y - y1
         return math.sqrt(dx * dx + dy * dy)
     return abs(dx * uy - dy * ux)
+
+
+def least(values: Floats, count: int) -> Indices:
+    """Return the indices of the least values in ascending order, equal ones as they stand.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+    count : int
+        Most indices.
+
+    Returns
+    -------
+    array of int, shape (min(count, n),)
+        Without sorting all values.
+    """
+    if count >= values.size:
+        return np.argsort(values, kind="stable")
+    chosen = np.sort(np.argpartition(values, count)[:count])
+    ordered: Indices = chosen[np.argsort(values[chosen], kind="stable")]
+    return ordered

@@ -13,6 +13,7 @@ from itertools import islice
 import numpy as np
 
 from ciberrato.arrays import Booleans, Floats, Indices
+from ciberrato.geometry.nearest_faces import least
 
 SQUARES_PER_UNIT = 2
 SECTORS = 8
@@ -29,7 +30,11 @@ _MARGIN = 1e-6
 """Far above rounding errors, in units and in radians."""
 LONGEST = 24
 """Faces in a list; few sensors look as far as the last of them."""
+CANDIDATES = 256
+"""Nearest faces among which those of all lists of a square are looked for first."""
 _MAX_SQUARES = 8192
+_NEARER = math.sqrt(0.5) / SQUARES_PER_UNIT + _MARGIN
+"""Units that a point of a square may be nearer to a face than its centre is."""
 
 
 class ViewLists:
@@ -62,6 +67,12 @@ class ViewLists:
         # The cones of a sector lie on one side of each of three lines: their edges, and one behind them.
         self._across_x = np.stack((-np.sin(low), np.sin(high), np.cos(middle)))
         self._across_y = np.stack((np.cos(low), -np.cos(high), np.sin(middle)))
+        self._across = np.stack((self._across_x, self._across_y), axis=-1)
+        self._limit = (-0.5 / SQUARES_PER_UNIT * np.abs(self._across).sum(axis=-1) - _MARGIN)[..., np.newaxis]
+        # Each in one piece: one square is soon looked at, and small steps count.
+        self._start_x, self._start_y = np.ascontiguousarray(start.T)
+        self._end_x, self._end_y = np.ascontiguousarray(end.T)
+        self._direction_x, self._direction_y = np.ascontiguousarray(direction.T)
 
     def add(self, square: tuple[int, int]) -> tuple[SeenList, ...]:
         """Create the lists of a square.
@@ -80,16 +91,34 @@ class ViewLists:
             # Only who roams a very large lab comes here; the oldest squares are the ones left behind.
             for old in list(islice(self.lists, _MAX_SQUARES // 4)):
                 del self.lists[old]
-        (order,), (bounds,), (ahead,) = self.select(np.array([square[0]]), np.array([square[1]]))
+        size = 1.0 / SQUARES_PER_UNIT
+        x, y = (square[0] + 0.5) * size, (square[1] + 0.5) * size
+        dx, dy = self._start_x - x, self._start_y - y
+        along = np.clip(-(dx * self._direction_x + dy * self._direction_y), 0.0, self._length)
+        bounds = np.hypot(dx + along * self._direction_x, dy + along * self._direction_y) - _NEARER
+        candidates = CANDIDATES
+        while True:  # mostly once: the lists are short, and end far away
+            order = least(bounds, candidates)
+            ahead = self._ahead(order, x, y)
+            if order.size == bounds.size or np.count_nonzero(ahead, axis=1).min() > LONGEST:
+                break
+            candidates *= 8
+        nearest = bounds[order].tolist()
+        seen = [(bound, *self._faces[face]) for bound, face in zip(nearest, order.tolist(), strict=True)]
         sectors = []
-        for sector in range(SECTORS):
-            chosen = np.flatnonzero(ahead[sector])
-            reach = float(bounds[chosen[LONGEST]]) if chosen.size > LONGEST else math.inf
-            chosen = chosen[:LONGEST]
-            listed = zip(bounds[chosen].tolist(), order[chosen].tolist(), strict=True)
-            sectors.append((tuple([(bound, *self._faces[face]) for bound, face in listed]), reach))
+        for here in ahead:
+            chosen = here.nonzero()[0][: LONGEST + 1].tolist()
+            reach = nearest[chosen.pop()] if len(chosen) > LONGEST else math.inf
+            sectors.append((tuple([seen[index] for index in chosen]), reach))
         self.lists[square] = tuple(sectors)
         return self.lists[square]
+
+    def _ahead(self, order: Indices, x: float, y: float) -> Booleans:
+        """Find which of some faces cones of each sector can meet from the square round a point."""
+        start = self._across @ np.stack((self._start_x[order] - x, self._start_y[order] - y))
+        end = self._across @ np.stack((self._end_x[order] - x, self._end_y[order] - y))
+        inside: Booleans = (np.maximum(start, end) >= self._limit).all(axis=0)
+        return inside
 
     def select(self, column: Indices, row: Indices) -> tuple[Indices, Floats, Booleans]:
         """Find what can be seen from squares.

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.arrays import Booleans, Floats
-from ciberrato.bayes.sensors.normal import log_interval
 from ciberrato.geometry.angles import wrap_once
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.cone_pairs import HALF_APERTURE, cone_distances
@@ -210,6 +209,8 @@ def reading_log_likelihood(reading: ArrayLike, ideal: ArrayLike, sigma: ArrayLik
     array
         Shape as broadcast. With sigma 0 it is 0 where the rounded ideal is the reading, -inf elsewhere.
     """
+    from ciberrato.bayes.sensors.normal import log_interval  # which a simulator has no use for
+
     reading, ideal, sigma = np.broadcast_arrays(
         np.asarray(reading, np.float64), np.asarray(ideal, np.float64), np.asarray(sigma, np.float64)
     )

@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from typing import Any
 
 from ciberrato.errors import ProtocolError
+from ciberrato.protocol.drafts import ActionsDraft
 from ciberrato.protocol.limits import ACTIONS_LIMIT, REGISTRATION_LIMIT, VIEW_COMMAND_LIMIT
 from ciberrato.protocol.messages import (
     Actions,
@@ -139,13 +141,14 @@ def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions
     plain = _PLAIN_ACTIONS.match(data)
     if plain and (limit is None or plain.end() <= limit):
         left, right, end_led, returning_led, visiting_led = plain.groups()
-        return Actions(
-            left_motor=float(left),
-            right_motor=float(right),
-            end_led=_LED[end_led],
-            returning_led=_LED[returning_led],
-            visiting_led=_LED[visiting_led],
-        )
+        draft: Any = ActionsDraft()
+        draft.left_motor = float(left)
+        draft.right_motor = float(right)
+        draft.end_led = _LED[end_led]
+        draft.returning_led = _LED[returning_led]
+        draft.visiting_led = _LED[visiting_led]
+        actions: Actions = draft.finish()
+        return actions
     root = _parse(message_bytes(data, limit))
     if root.name not in _ROBOT_ELEMENTS:
         raise ProtocolError(f"{shown(root.name)}: not for robots; Actions, SensorRequests and Say are")

@@ -1,4 +1,4 @@
-"""Measures whose fields are still being set.
+"""Measures and Actions whose fields are still being set.
 
 The constructor of a frozen record takes longer than a robot needs for a whole cycle of thinking. Who makes a
 record in every cycle sets the fields of a draft of the same layout, and turns it into the record at the end.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from ciberrato.protocol.messages import Measures
+from ciberrato.protocol.messages import Actions, Measures
 
 NOTHING_SEEN = (None, None, None, None)
 _BY_HAND = {
@@ -38,3 +38,20 @@ class MeasuresDraft:
         draft.__class__ = Measures
         measures: Measures = draft
         return measures
+
+
+class ActionsDraft:
+    """The fields of `Actions`, not frozen yet: motors and LEDs have to be set; the rest stays as it is."""
+
+    __slots__ = Actions.__slots__
+
+    def __init__(self) -> None:
+        draft: Any = self
+        draft.requests, draft.say, draft.reset = (), None, False
+
+    def finish(self) -> Actions:
+        """Return the finished record: the draft itself, which cannot be changed any more."""
+        draft: Any = self
+        draft.__class__ = Actions
+        actions: Actions = draft
+        return actions

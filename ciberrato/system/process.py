@@ -54,6 +54,23 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
+def idle_seconds() -> float | None:
+    """Return for how long the processors that this process may use were idle since the system began.
+
+    Returns
+    -------
+    float or None
+        Seconds, added up, to a hundredth; None on systems that do not tell (all but Linux).
+    """
+    try:
+        allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
+        with open("/proc/stat", encoding="ascii") as file:
+            lines = [line.split() for line in file if line.startswith("cpu")]
+        return sum(int(line[4]) for line in lines if line[0] in allowed) / float(os.sysconf("SC_CLK_TCK"))
+    except (AttributeError, OSError, ValueError, IndexError):
+        return None
+
+
 def give_way() -> None:
     """Yield the processor to a process that waits for it."""
     if hasattr(os, "sched_yield"):

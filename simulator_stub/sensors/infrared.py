@@ -43,21 +43,25 @@ class InfraredSensors(Sensor):
 
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure the distances and turn them into readings."""
-        directions = [robot.heading + angle for angle in self._angles]
-        distances = self.world.distances(robot.x, robot.y, directions)
+        x, y, heading = robot.x, robot.y, robot.heading
+        directions = [heading + angle for angle in self._angles]
+        distances = self.world.distances(x, y, directions)
         if self._deviation == 0.0:
             for number, distance in enumerate(distances):
                 if hangs_on_rounding(distance):
-                    place = robot.x, robot.y, directions[number]
+                    place = x, y, directions[number]
                     distances[number] = exact_distance(self.world.walls, *place, SENSOR_OFFSET)
-        for other in scene.robots if len(scene.robots) > 1 else ():
-            # No part of the other is nearer to any sensor than this: mostly a wall is.
-            least = math.hypot(other.x - robot.x, other.y - robot.y) - REACH
-            if other is not robot and least < max(distances):
-                for number, direction in enumerate(directions):
-                    if least < distances[number]:
-                        seen = other_robot_distance(robot.x, robot.y, direction, other.x, other.y)
-                        distances[number] = min(distances[number], seen)
+        if len(scene.robots) > 1:
+            farthest = max(distances)
+            for other in scene.robots:
+                # No part of the other is nearer to any sensor than this: mostly a wall is.
+                least = math.hypot(other.x - x, other.y - y) - REACH
+                if least < farthest and other is not robot:
+                    for number, direction in enumerate(directions):
+                        if least < distances[number]:
+                            seen = other_robot_distance(x, y, direction, other.x, other.y)
+                            distances[number] = min(distances[number], seen)
+                    farthest = max(distances)
         deviation, floor = self._deviation, math.floor
         self.reading = self._delay.pass_through(
             tuple(

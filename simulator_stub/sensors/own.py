@@ -80,13 +80,15 @@ def report_other(fields: dict[str, Any], element: str, **values: float | str) ->
 
 def fill_in(draft: object, fields: Mapping[str, Any]) -> None:
     """Set the fields of a message to what the sensors reported; UsageError if there is none of a name."""
-    for name, reading in fields.items():
-        if not hasattr(draft, name):
-            raise UsageError(
-                f"a sensor reports {name!r:.60}, which is no field of Measures: "
-                "simulator_stub.sensors.report_other adds elements of its own"
-            )
-        setattr(draft, name, reading)
+    name = ""
+    try:
+        for name, reading in fields.items():
+            setattr(draft, name, reading)
+    except AttributeError:
+        raise UsageError(
+            f"a sensor reports {name!r:.60}, which is no field of Measures: "
+            "simulator_stub.sensors.report_other adds elements of its own"
+        ) from None
 
 
 def _is_sensor(value: Any) -> bool:

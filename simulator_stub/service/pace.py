@@ -38,6 +38,7 @@ from simulator_stub.service.answers import SHORTEST_PATIENCE, TALKATIVE
 from simulator_stub.service.client_process import Activity, watch_client
 from simulator_stub.service.clients import RobotClient
 from simulator_stub.service.session import Session
+from simulator_stub.service.vigil import Vigil, all_answered
 from simulator_stub.world.robot_state import RobotState
 from simulator_stub.world.simulator_state import SimulatorState
 
@@ -140,6 +141,8 @@ class Lockstep(Pace):
         unless it is known to be at work.
     notify : callable
         Told when a robot is no longer waited for, and once for each robot what is ambiguous in its answers.
+    vigil : Vigil or None
+        Waits awake for the first message of each answer, before the pace sleeps.
     """
 
     def __init__(
@@ -150,10 +153,12 @@ class Lockstep(Pace):
         limit: float,
         adaptive: bool = True,
         notify: Callable[[str], None] = lambda line: None,
+        vigil: Vigil | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         super().__init__(session, period, clock=clock)
         self.limit = limit
+        self._vigil = vigil
         self._adaptive = adaptive
         # A user who says how long to wait for an answer means the first one, too, unless it is infinite.
         self._idle_limit = min(limit, IDLE_LIMIT) if adaptive or limit == math.inf else limit
@@ -226,7 +231,11 @@ class Lockstep(Pace):
         for client in awaited:
             client.answers.answered_at = None
         # Look at least once, so that registrations, views and signals are noticed in any case.
-        wait = 0.0 if _all_answered(awaited) else SHORTEST_PATIENCE
+        wait = 0.0 if all_answered(awaited) else SHORTEST_PATIENCE
+        if wait and running and self._vigil is not None:
+            if not self._vigil.keep(poll, awaited):
+                return False
+            wait = 0.0 if all_answered(awaited) else SHORTEST_PATIENCE
         look_at = began + wait
         while True:
             if not poll(wait):
@@ -402,11 +411,3 @@ class Lockstep(Pace):
             and not clients[robot.robot_id].silent
             and not clients[robot.robot_id].peer.closed
         ]
-
-
-def _all_answered(awaited: list[RobotClient]) -> bool:
-    # A plain loop: this is asked at every wake-up.
-    for client in awaited:  # noqa: SIM110
-        if not (client.answered or client.peer.closed):
-            return False
-    return True

@@ -36,6 +36,35 @@ def test_before_the_registration_neither_numpy_nor_a_filter_nor_a_drive_is_loade
     assert not loaded & {kind.home for kind in DRIVES.values()}
 
 
+@pytest.mark.parametrize("transport", ["udp", "tcp"])
+def test_numpy_is_loaded_after_the_registration_has_left(tmp_path, transport):
+    """A first datagram, or connection, ends the program, which says what it has loaded by then."""
+    program = (
+        "import json, os, sys\n"
+        "def hook(event, arguments):\n"
+        "    if event in ('socket.sendto', 'socket.connect'):\n"
+        "        print(json.dumps(sorted(sys.modules)), flush=True)\n"
+        "        os._exit(0)\n"
+        "sys.addaudithook(hook)\n"
+        "from agent.cli import main\n"
+        "main(sys.argv[1:])\n"
+    )
+    words = ["-h", "127.0.0.1:1", "--give-up-after", "0.01", "--transport", transport]
+    command = [sys.executable, "-c", program, *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    loaded = set(json.loads(done.stdout))
+    assert "agent.run.registration" in loaded
+    assert not loaded & {"numpy", "scipy", "numba", "ciberrato.localization.pose_filter"}
+
+
+def test_a_simulator_loads_nothing_that_only_filters_use():
+    program = "import json, sys, simulator_stub.assembly; print(json.dumps(sorted(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    loaded = set(json.loads(done.stdout))
+    assert "simulator_stub.simulation" in loaded
+    assert not {name for name in loaded if name.startswith(("ciberrato.bayes", "scipy", "numba"))}
+
+
 def test_every_subcommand_is_a_module_and_is_told_of(capsys):
     modules = {module.name for module in pkgutil.iter_modules(agent.commands.__path__)}
     assert set(SUBCOMMANDS) | {DRIVE} <= modules

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ciberrato.files.lab import default_lab, read_lab
+from ciberrato.geometry.nearest_faces import least
 from ciberrato.geometry.walls import WallMap
 from ciberrato.labs import find_lab, names
 from ciberrato.world.lab import Lab, Wall
@@ -107,6 +111,31 @@ def test_memory_for_squares_is_bounded(monkeypatch, walls):
     for x in range(50):
         assert fresh.touches(x + 0.5, 25.0, 0.6) == (x in (0, 49))
         assert len(fresh.nearby._squares) <= 20
+
+
+@pytest.mark.parametrize("candidates", [1, 30, 10_000])
+def test_lists_of_a_square_are_those_of_many_squares_at_once(monkeypatch, clutter, candidates):
+    """However many of the nearest faces are looked at first."""
+    monkeypatch.setattr("ciberrato.geometry.visible_faces.CANDIDATES", candidates)
+    monkeypatch.setattr("ciberrato.geometry.visible_faces.LONGEST", 3)
+    views = WallMap.from_lab(clutter).views
+    squares = np.indices((30, 24)).reshape(2, -1) - 2
+    order, bounds, ahead = views.select(*squares)
+    for number, square in enumerate(zip(*squares.tolist(), strict=True)):
+        for sector, (faces, reach) in enumerate(views.add(square)):
+            chosen = np.flatnonzero(ahead[number, sector])
+            expected = [views.all_faces[face][1:] for face in order[number, chosen[:3]]]
+            assert [face[1:] for face in faces] == expected
+            beyond = bounds[number, chosen[3]] if chosen.size > 3 else math.inf
+            assert reach == pytest.approx(beyond, rel=1e-12)
+
+
+@given(st.lists(st.integers(0, 5), max_size=30), st.integers(1, 40))
+def test_least_values_in_order(values, count):
+    found = least(np.array(values, dtype=float), count)
+    kept = [values[index] for index in found]
+    assert kept == sorted(values)[:count]
+    assert all(a != b or i < j for a, b, i, j in zip(kept, kept[1:], found, found[1:], strict=False))
 
 
 def exact_block(a, b, c, d) -> bool:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from ciberrato.protocol.drafts import MeasuresDraft
+from ciberrato.protocol.drafts import ActionsDraft, MeasuresDraft
 from ciberrato.protocol.measures_text import _ELEMENTS, measures_to_xml
-from ciberrato.protocol.messages import Measures
+from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.world.parameter_names import FILE_NAMES, INTEGERS, REALS, SWITCHES
 from ciberrato.world.parameters import Parameters
 
@@ -14,6 +14,13 @@ def test_a_draft_has_the_records_defaults():
     draft.time = 7
     draft.start = draft.stop = draft.end_led = draft.returning_led = draft.visiting_led = False
     assert draft.finish() == Measures(time=7)
+
+
+def test_a_draft_of_actions_has_the_records_defaults():
+    draft = ActionsDraft()
+    draft.left_motor = draft.right_motor = 0.5
+    draft.end_led = draft.returning_led = draft.visiting_led = None
+    assert draft.finish() == Actions(left_motor=0.5, right_motor=0.5)
 
 
 def test_the_elements_of_sensors_and_their_order():

@@ -129,6 +129,15 @@ def turn_matrix(size: int, turn: float, sigma: float, *, before: int = 1, after:
     return np.asarray(rows[:, _turned(size, after)].swapaxes(0, 1).reshape(-1, count))
 
 
+def turn_band(size: int, turn: float, sigma: float) -> tuple[int, FloatArray]:
+    """Return what is not zero of a row of `turn_matrix`: its first cell, and the probabilities from there."""
+    if sigma <= 2 * size:
+        kernel = gaussian_kernel(turn, sigma**2)
+        if len(kernel.weights) <= size:
+            return kernel.first, np.maximum(kernel.weights, 0.0)
+    return 0, np.ascontiguousarray(turn_matrix(size, turn, sigma)[0])
+
+
 @lru_cache(maxsize=16)
 def _turned(size: int, parts: int) -> IntArray:
     """Return [k, i]: the part of a cell that k cells' turn brings to part i, (size, size * parts)."""

@@ -22,7 +22,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
+from ciberrato.bayes.motion.in_machine_code import predict_compiled
 from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
 from ciberrato.bayes.motion.odometry_reading import OdometryNoise, OdometryReading, Prediction
@@ -79,6 +81,7 @@ class TurnDriveTurn:
             raise ValueError(f"the free cells have shape {self.free.shape}, the space {self.space.shape[:2]}")
         if not self.window > 0.0 or not self.skip_below >= 0.0:
             raise ValueError("the window must be positive and the mass to skip 0 or more")
+        compiled.load_for(self.space.size)
 
     def predict(self, belief: ArrayLike, control: OdometryReading) -> FloatArray:
         """Move a belief, shape (x, y, heading), by an odometry reading. Not normalized."""
@@ -108,13 +111,23 @@ class TurnDriveTurn:
             If the belief has the wrong shape or is no belief, or the reading is not finite or longer than the
             grid.
         """
-        belief = check_belief(belief, self.space.shape)
         rot1, _, rot2 = self._sigmas(control)
-        rows, columns, headings = belief.shape
+        rows, columns, headings = self.space.shape
         width = self.space.axes[2].cell
         parts = directions_per_heading(self.space, control.trans, rot2)
         steps = round(control.rot1 * parts / width)
         left = control.rot1 - steps * width / parts
+        truncated = math.erfc((self.window if cut is None else cut) / math.sqrt(2.0))
+        if compiled.kernels() is not None and parts == 1 and self.skip_below == 0.0:
+            turns = (steps, rot1 / width), ((control.rot2 + left) / width, rot2 / width)
+            return Prediction(
+                predict_compiled(
+                    belief, self.space.shape, self.free, turns, self._kernels(control, 1, left, cut)
+                ),
+                0.0,
+                truncated,
+            )
+        belief = check_belief(belief, self.space.shape)
         # Heading first, so that each heading's image lies in one piece for the drive; the transposition is
         # the product's.
         images, driven = self._images(headings * parts)
@@ -132,7 +145,6 @@ class TurnDriveTurn:
         if self.free is not None:
             moved *= self.free.ravel()
         last = turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts)
-        truncated = math.erfc((self.window if cut is None else cut) / math.sqrt(2.0))
         return Prediction((moved.T @ last).reshape(belief.shape), skipped, truncated)
 
     def predict_states(
