@@ -95,13 +95,16 @@ class LiveController:
         if self.exchange.is_relayed:
             live.budget = _RELAYED_BUDGET * self.exchange.pace.seconds
             later = not newest and measures.start
+        if self.exchange.under_way(arrived):
+            self.localizer.live.unsure = True  # answers act cycles later, which one is not known exactly
         if self.exchange.judge(measures) is News.FRESH:
             acted = self.exchange.command_in_effect(arrived, measures.time)
             self.localizer.feed(measures, acted, later=later)
         cycle, actions = self.controller.observe(measures, newest=newest, arrived=arrived)
-        return self._with_step(cycle, measures, entered=False) if later else self._add_pose(
-            cycle, measures
-        ), actions
+        if later:
+            self.cell_entered = None
+            return self._with_step(cycle, measures, entered=False), actions
+        return self._add_pose(cycle, measures), actions
 
     def sent(self, time: float) -> None:
         """Record the answer, see `Controller.sent`."""

@@ -1,4 +1,5 @@
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, disallow-untyped-decorators=False
+# mypy: disable-error-code="assignment"
 # The types are those of numba, which infers them.
 """Steps of the Bayes filter over large (x, y, heading) grids, in machine code made by numba.
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray
+from ciberrato.bayes.checks import floats
 from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.lattice import LatticeKernels
 from ciberrato.bayes.motion.passes import turn_band
@@ -41,12 +42,13 @@ def predict_compiled(
         One for each heading.
     """
     loops: Any = compiled.kernels()
-    values: FloatArray = np.ascontiguousarray(belief, dtype=float)
+    values: FloatArray = np.ascontiguousarray(floats(belief))
     rows, columns, headings = shape
     if values.shape != tuple(shape):
         check_belief(values, shape)
-    first, last = (turn_band(headings, *turn) for turn in turns)
-    turned = np.empty((rows, headings, columns))
+    kind = values.dtype
+    first, last = ((cell, band.astype(kind)) for cell, band in (turn_band(headings, *turn) for turn in turns))
+    turned: FloatArray = np.empty((rows, headings, columns), dtype=kind)
     wrong = compiled.share(
         lambda begin, end: int(loops.turn_rows(values, first[1], first[0], turned, begin, end)),
         rows,
@@ -56,9 +58,9 @@ def predict_compiled(
         check_belief(values, shape)
     order = np.argsort(kernels.kernel, kind="stable")
     begins = np.searchsorted(kernels.kernel[order], np.arange(headings + 1))
-    cells, shares = kernels.cells[order], kernels.weights[order]
+    cells, shares = kernels.cells[order], kernels.weights[order].astype(kind)
     inside = np.ones((rows, columns), dtype=bool) if free is None else free
-    result = np.empty(shape)
+    result: FloatArray = np.empty(shape, dtype=kind)
     compiled.share(
         lambda begin, end: loops.drive_and_turn(
             turned, cells, shares, begins, inside, last[1], last[0], result, begin, end

@@ -198,7 +198,7 @@ def drive(images: FloatArray, kernels: LatticeKernels, out: FloatArray | None = 
     else:
         taken, some = images, pairs
     taken, some = taken.reshape(count, 1, -1), some.reshape(count, -1, rows * columns)
-    return np.asarray(np.matmul(taken, some).reshape(images.shape))
+    return np.asarray(np.matmul(taken, some).reshape(images.shape), dtype=images.dtype)
 
 
 def move(
@@ -235,9 +235,9 @@ def move(
     FloatArray, shape (count, x, y)
     """
     rows, columns = images.shape[1:]
-    result = np.zeros((count, rows, columns)) if out is None else out
+    result = np.empty((count, rows, columns), dtype=images.dtype) if out is None else out
     result[...] = 0.0
-    scratch = np.empty((rows, columns))
+    scratch = np.empty((rows, columns), dtype=images.dtype)
     order = np.argsort(kernels.kernel, kind="stable")
     ends = np.searchsorted(kernels.kernel[order], np.arange(len(source) + 1))
     for k, (s, t) in enumerate(zip(source.tolist(), target.tolist(), strict=True)):

@@ -17,6 +17,7 @@ from types import ModuleType
 from ciberrato.errors import UsageError
 from ciberrato.machine_code import VARIABLE, available, choice
 
+__all__ = ["VARIABLE", "at_hand", "available", "choice", "kernels", "load", "use"]
 LOOPS = 11
 """Number of compiled functions."""
 
