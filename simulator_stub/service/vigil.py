@@ -68,7 +68,7 @@ class Vigil:
         self._due = self._looked_at + WINDOW
 
     def keep(self, poll: Callable[[float], bool], awaited: Sequence[RobotClient]) -> bool:
-        """Look until all have answered, or for as long as that may take.
+        """Wait until all have answered, or for as long as that may take.
 
         Parameters
         ----------
