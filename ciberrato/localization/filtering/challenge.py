@@ -75,7 +75,7 @@ class Challenge:
         self._doubtful = False
 
     def doubt_motion(self) -> None:
-        """Let no challenger trust its first readings in full, either."""
+        """Count the first readings of every challenger in part, too."""
         self._doubtful = True
         if self._test is not None:
             self._test.challenger.doubt_motion()

@@ -30,7 +30,7 @@ class Tempering:
         self._moments = 0.0
 
     def doubt(self) -> None:
-        """Let no reading count in full any more: the motion is not known well, and its error stays."""
+        """Count every reading in part from now on: the motion is not known well, and its error stays."""
         self._moments = math.inf
 
     def exponent(self, moved: float, turned: float, stage: Stage) -> float:
