@@ -7,6 +7,7 @@ here, too: the target is for one that does not.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import signal
@@ -38,6 +39,9 @@ class Live:
     unanswered: int
     tables: str
     memory: tuple[float, float]
+    answered: int = 0
+    late: int = 0
+    """Answers that took longer than half a cycle."""
 
     @property
     def note(self) -> str:
@@ -129,20 +133,25 @@ def parse(said: str) -> Live:
     filtered = re.search(rf"filter \((\w+)\): {spread}; behind in (\d+) of", said)
     answers = re.search(rf"answers: {spread}", said)
     tables = re.search(rf"(tables: .*); memory at most {_NUMBER} MB, {_NUMBER} MB of another", said)
-    assert filtered is not None, said
     assert answers is not None, said
-    assert tables is not None, said
-    missed = re.search(r"(\d+) cycles without Measures; (\d+) Measures not", said)
-    lost, unanswered = (int(missed[1]), int(missed[2])) if missed else (0, 0)
+    missed = re.search(
+        r"\d+ of (\d+) later than a cycle of .* ms, (\d+) than half a cycle; "
+        r"(\d+) Measures unanswered, (\d+) lost",
+        said,
+    )
+    assert missed is not None, said
+    answered, late, unanswered, lost = map(int, missed.groups())
     return Live(
-        loops=filtered[1],
-        filter=_seconds(filtered.groups()[1:4]),
+        loops=filtered[1] if filtered else "no filter yet",
+        filter=_seconds(filtered.groups()[1:4]) if filtered else (math.nan,) * 3,
         answers=_seconds(answers.groups()),
-        behind=int(filtered[5]),
+        behind=int(filtered[5]) if filtered else 0,
         lost=lost,
         unanswered=unanswered,
-        tables=tables[1],
-        memory=(float(tables[2]), float(tables[3])),
+        tables=tables[1] if tables else "tables: not in time",
+        memory=(float(tables[2]), float(tables[3])) if tables else (math.nan, math.nan),
+        answered=answered,
+        late=late,
     )
 
 

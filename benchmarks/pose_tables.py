@@ -28,6 +28,7 @@ from ciberrato.localization.belief import compiled
 from ciberrato.localization.tables.pose_tables import BINS, COARSE, FINE, build_tables
 from ciberrato.localization.tables.reading_codes import encode
 from ciberrato.localization.tables.worker import TableWorker
+from ciberrato.machine_code import VARIABLE
 from ciberrato.world.lab import Lab
 
 LABS = ("standard", "maze", "diagonals")
@@ -72,7 +73,7 @@ def rows() -> Iterator[Row]:
 
 
 def _other_process() -> Iterator[Row]:
-    os.environ[compiled.VARIABLE] = "off"
+    os.environ[VARIABLE] = "off"
     for name in LABS:
         with tempfile.TemporaryDirectory() as folder:
             worker = TableWorker(read_lab(find_lab(name)), ANGLES, folder=Path(folder))
@@ -89,7 +90,7 @@ def _other_process() -> Iterator[Row]:
                 megabytes=worker.megabytes,
                 note=f"by the clock: {note}",
             )
-    del os.environ[compiled.VARIABLE]
+    del os.environ[VARIABLE]
 
 
 def _plain_codes(walls: WallMap, places: Floats) -> None:

@@ -14,7 +14,8 @@ from agent.run.reporter import PROGRAM, Reporter
 from ciberrato.errors import UsageError
 
 if TYPE_CHECKING:
-    from agent.run.session import Session, Settings
+    from agent.run.session import Session
+    from agent.run.settings import Settings
     from agent.run.signals import Interrupts
 
 _SIGNALLED = 128
@@ -116,7 +117,7 @@ def _session(
 
 def settings_of(options: argparse.Namespace) -> Settings:
     """Return what the command line says of the run; complain of what cannot be."""
-    from agent.run.session import Settings
+    from agent.run.settings import Settings
     from ciberrato.net.address import parse_address
 
     host, port = parse_address(options.host)

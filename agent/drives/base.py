@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import STANDSTILL, Command
-from ciberrato.protocol.messages import Measures
-from ciberrato.world.lab import Lab
-from ciberrato.world.parameters import Parameters
+
+if TYPE_CHECKING:
+    # A process that only answers drives without the filter, and starts faster without numpy.
+    from ciberrato.localization.filtering.grid_filter import GridFilter
+    from ciberrato.protocol.messages import Measures
+    from ciberrato.world.lab import Lab
+    from ciberrato.world.parameters import Parameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

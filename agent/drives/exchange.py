@@ -17,6 +17,7 @@ from ciberrato.world.parameters import Parameters
 
 _JUDGED = 2000  # messages that one look at the network may bring
 _COMMANDS_KEPT = 60  # the newest; an older one cannot be the last before a message
+_RELAYED_KEPT = 1000  # of those that another process has sent, of which many may be told at once
 
 
 class _Sent(NamedTuple):
@@ -25,6 +26,32 @@ class _Sent(NamedTuple):
     time: float
     command: Command
     stop: bool
+
+
+class Answered(NamedTuple):
+    """A message to the simulator that the answering process has sent.
+
+    Attributes
+    ----------
+    time : float
+        Moment of leaving, in seconds by the clock that stamps arrivals.
+    command : (float, float)
+    stop : bool
+        Whether it only stops a robot that is not heard.
+    answers : int or None
+        Time of the message that it answers first, in simulated cycles; None: that was answered before.
+    seconds : float or None
+        From the arrival of that message.
+    overtaken : int
+        Messages since the answer before that are not answered, as newer ones were waiting.
+    """
+
+    time: float
+    command: Command
+    stop: bool = False
+    answers: int | None = None
+    seconds: float | None = None
+    overtaken: int = 0
 
 
 class Exchange:
@@ -57,6 +84,12 @@ class Exchange:
         """Whether the simulator keeps real time."""
         self.round_trip = 0.0
         """Seconds, at least, from sending a message to receiving what it did; counts in real time only."""
+        self.is_relayed = False
+        """Whether another process answers, and tells by `relayed` what it has sent."""
+        self.answered: set[int] = set()
+        """Times of the messages that it has answered, in simulated cycles."""
+        self.milliseconds: list[float] = []
+        """From the arrival of each of them to its answer."""
         self._parameters = parameters
         self._requests = RequestRota(parameters)
         self._order = MessageOrder(parameters.sim_time)
@@ -92,7 +125,31 @@ class Exchange:
         return Actions(left_motor=0.0, right_motor=0.0)
 
     def _note(self, time: float, command: Command, *, stop: bool = False) -> None:
-        self._sent = [*self._sent[-_COMMANDS_KEPT:], _Sent(time, command, stop)]
+        kept = _RELAYED_KEPT if self.is_relayed else _COMMANDS_KEPT
+        if len(self._sent) > 2 * kept:
+            del self._sent[:-kept]
+        self._sent.append(_Sent(time, command, stop))
+
+    @property
+    def answers_itself(self) -> bool:
+        """Return whether another process answers whatever is decided here, or not."""
+        return self.is_relayed and self.pace.is_real_time
+
+    def relayed(self, answer: Answered) -> None:
+        """Record a message that another process has sent."""
+        self.stops += answer.stop and self.is_moving
+        self._note(answer.time, answer.command, stop=answer.stop)
+        self.unanswered += answer.overtaken
+        if not answer.stop:
+            self.command = answer.command
+        if answer.answers is not None and answer.seconds is not None:
+            self.answered.add(answer.answers)
+            self.milliseconds.append(1000.0 * answer.seconds)
+
+    def overtake(self) -> None:
+        """Record that a message is not answered, as a newer one is waiting."""
+        if not self.is_relayed:
+            self.unanswered += 1
 
     @property
     def is_moving(self) -> bool:

@@ -13,6 +13,12 @@ _IN_THE_WAY = 1.8
 _SIDE_NEAR = 3.2  # reading to the side from which on to keep away
 _SIDE_HALT = 9.0
 _CLOSING = 5.0  # reading to the side, two cycles ahead, from which on to slow down
+_IN_THE_CONE = 1.15
+"""Reading at which something that leaves a cone of 60 degrees sideways is within the robot's width."""
+_NOISE_OF_DISTANCE = 0.3  # units
+_TURNED_AWAY = math.radians(35.0)
+_PASSED = 0.6  # units
+_BRUSH = 5.0  # reading to the side from which on to go no further ahead, where there is room to turn
 _SLOWEST = 0.4  # of the cruising speed, before a wall ahead
 _CREEP = 0.25  # and between walls that are very near
 _MOST_STEER = 0.03
@@ -30,9 +36,12 @@ class Bumper:
         Mounting angles of the IR sensors in degrees.
     noise : float
         Standard deviation of a reading.
+    remembers : bool
+        Whether what was ahead and is not seen any more counts as still there: a corner that leaves the
+        sensor's cone so near is in the way of a robot that is a unit wide. It takes `move`.
     """
 
-    def __init__(self, angles: Sequence[float], noise: float) -> None:
+    def __init__(self, angles: Sequence[float], noise: float, *, remembers: bool = False) -> None:
         turned = [math.remainder(angle, 360.0) for angle in angles]
         self._ahead = [i for i, angle in enumerate(turned) if abs(angle) <= 35.0]
         self._left = [i for i, angle in enumerate(turned) if 35.0 < angle <= 100.0]
@@ -42,6 +51,10 @@ class Bumper:
         self._smooth: list[float] | None = None
         self._beside = (0.0, 0.0)
         self._closing = 0.0
+        self._remembers = remembers
+        self._corner = math.inf
+        """Distance to what was ahead, in units."""
+        self._corner_turned = 0.0
         self.bumped = False
         """Return whether the last leg ended in a collision."""
 
@@ -50,6 +63,7 @@ class Bumper:
         if self._smooth is None:
             self._smooth = [reading or 0.0 for reading in infrared]
             self._beside = self.left, self.right
+            self._remember()
             return
         for number, reading in enumerate(infrared):
             if reading is not None:
@@ -57,9 +71,30 @@ class Bumper:
                 # What grows is believed at once where it is large: noise is the same far and near.
                 memory = self._memory if reading < 2.0 * _HALT else 0.0
                 self._smooth[number] = memory * old + (1.0 - memory) * reading
+        self._remember()
         before, self._beside = self._beside, (self.left, self.right)
         # A corner that the robot will brush shows as a reading beside that grows from cycle to cycle.
         self._closing = max(3.0 * new - 2.0 * old for new, old in zip(self._beside, before, strict=True))
+
+    def move(self, way: float, turn: float) -> None:
+        """Update what is remembered with the motion before the next message.
+
+        Parameters
+        ----------
+        way : float
+            Units.
+        turn : float
+            Radians.
+        """
+        self._corner -= way
+        self._corner_turned += turn
+
+    def _remember(self) -> None:
+        seen = self._most(self._ahead)
+        distance = 1.0 / seen if seen > _IN_THE_CONE else math.inf
+        forgotten = self._corner < -_PASSED or abs(self._corner_turned) > _TURNED_AWAY
+        if forgotten or distance < self._corner + _NOISE_OF_DISTANCE:
+            self._corner, self._corner_turned = distance, 0.0
 
     def _most(self, sensors: list[int]) -> float:
         return max((self._smooth[i] for i in sensors), default=0.0) if self._smooth else 0.0
@@ -67,7 +102,8 @@ class Bumper:
     @property
     def ahead(self) -> float:
         """Reading ahead."""
-        return self._most(self._ahead)
+        remembered = 1.0 / max(self._corner, 0.1) if self._remembers and self._corner < math.inf else 0.0
+        return max(self._most(self._ahead), remembered)
 
     @property
     def left(self) -> float:
@@ -78,6 +114,11 @@ class Bumper:
     def right(self) -> float:
         """Reading to the right."""
         return self._most(self._right)
+
+    @property
+    def behind(self) -> float:
+        """Reading behind."""
+        return self._most(self._behind)
 
     @property
     def closed(self) -> float:
@@ -98,6 +139,11 @@ class Bumper:
         # A wall that the robot touches with its side is no reason to stay there forever.
         beside = min(max((_SIDE_HALT - sides) / (_SIDE_HALT - _SIDE_NEAR), _CREEP), 1.0)
         return min(beside, _SLOWEST) if self._closing > _CLOSING else beside
+
+    @property
+    def brushes(self) -> bool:
+        """Whether the robot would brush what is beside, if it went on: corners leave the cones at last."""
+        return self._closing > _CLOSING or max(self.left, self.right) > _BRUSH
 
     def limit(self, moved: float) -> float:
         """Return the fastest command from which the robot still stops before what is ahead.
@@ -123,7 +169,7 @@ class Bumper:
     @property
     def retreat(self) -> float:
         """Motor command that takes the robot off a wall that it almost touches ahead or behind."""
-        ahead, behind = self.ahead, self._most(self._behind)
+        ahead, behind = self.ahead, self.behind
         if max(ahead, behind) < _TOUCHING or max(ahead, behind) < 2.0 * min(ahead, behind):
             return 0.0
         return -_RETREAT if ahead > behind else _RETREAT

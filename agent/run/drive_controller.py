@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from ciberrato.world.parameters import Parameters
 
 
+BEHIND = 2
+"""Messages not weighed yet, at most, with which a drive decides where another process answers if need be."""
+
+
 class DriveController:
     """Lets a drive decide, message by message.
 
@@ -93,19 +97,23 @@ class DriveController:
             self.ended = "the simulator has begun again"
         # While nothing moves every message is answered, however many there are: a seed then gives one log.
         answered = (newest or not measures.start) and self.ended is None and news is News.FRESH
-        self.exchange.unanswered += measures.start and not newest and news is News.FRESH
+        if measures.start and not newest and news is News.FRESH:
+            self.exchange.overtake()
         actions = self._answer(measures, self.exchange.under_way(arrived)) if answered else None
-        return self._record(measures, self.exchange.command, answered), actions
+        return self._record(measures, self.exchange.command, actions is not None), actions
 
     def sent(self, time: float) -> None:
         """Record when the last answer was sent; see `Exchange.sent`."""
         self.exchange.sent(time)
 
-    def _answer(self, measures: Measures, under_way: int) -> Actions:
+    def _answer(self, measures: Measures, under_way: int) -> Actions | None:
         if not measures.start:
             return self.exchange.answer(STANDSTILL)
-        grid = self._localizer.live.filter
-        if grid is None or not self._localizer.live.is_ready:
+        live = self._localizer.live
+        grid = live.filter
+        if self.exchange.answers_itself and (not live.is_ready or live.lag > BEHIND):
+            return None  # what would be decided for a place where the robot is no more
+        if grid is None or not live.is_ready:
             decision = self._first.decide(measures)
         else:
             decision = self._drive.decide(measures, grid)

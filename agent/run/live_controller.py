@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from agent.drives.right.controller import Controller
-from agent.run.drive_controller import DriveController
+from agent.run.drive_controller import BEHIND, DriveController
 from agent.run.live_belief import BeliefLog
 from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.protocol.messages import Actions, Measures
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _ENTROPY_EVERY = 5  # cycles between two looks at the entropy of a belief over very many states
 _MANY = 50_000
+_RELAYED_BUDGET = 4.0
+"""Cycles that the filter may take to catch up where another process answers meanwhile."""
 
 
 class LiveController:
@@ -89,11 +91,19 @@ class LiveController:
         self._arrived = arrived if newest else None
         if self._lockstep:
             arrived = None
+        live, later = self.localizer.live, False
+        if self.exchange.is_relayed:
+            live.budget = _RELAYED_BUDGET * self.exchange.pace.seconds
+            later = not newest and measures.start
         if self.exchange.under_way(arrived):
             self.localizer.live.unsure = True  # answers act cycles later, which one is not known exactly
         if self.exchange.judge(measures) is News.FRESH:
-            self.localizer.feed(measures, self.exchange.command_in_effect(arrived, measures.time))
+            acted = self.exchange.command_in_effect(arrived, measures.time)
+            self.localizer.feed(measures, acted, later=later)
         cycle, actions = self.controller.observe(measures, newest=newest, arrived=arrived)
+        if later:
+            self.cell_entered = None
+            return self._with_step(cycle, measures, entered=False), actions
         return self._add_pose(cycle, measures), actions
 
     def sent(self, time: float) -> None:
@@ -107,7 +117,8 @@ class LiveController:
         live = self.localizer.live
         found, grid = live.estimate(), live.filter
         self.cell_entered = None
-        if found is None or grid is None or not live.is_ready:
+        behind = self.exchange.is_relayed and live.lag > BEHIND
+        if found is None or grid is None or not live.is_ready or behind:
             # What is not of now is no belief that anybody should be shown.
             return self._with_step(cycle, measures, entered=False)
         belief = grid.belief

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from agent.offline.exit_status import WRONG_MAP
 from agent.run.published_method import PublishedMethod
+from ciberrato.client.pace import LOCKSTEP_VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from agent.drives.base import Drive
     from agent.run.live_controller import LiveController
     from agent.run.reporter import Reporter
-    from agent.run.session import Settings
+    from agent.run.settings import Settings
     from agent.run.signals import Interrupts
     from ciberrato.arrays import Floats
     from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
@@ -83,6 +85,10 @@ class LiveMethod:
         compiled.choice()  # to complain at once
         self._settings = settings
         self._live = live
+        self.thinks_long = not (live.lockstep or os.environ.get(LOCKSTEP_VARIABLE))
+        """See `Method.thinks_long`."""
+        self.drives = live.drive != "right"
+        """See `Method.drives`."""
         self._interrupts = interrupts
         self._reporter = reporter
         # The published method's tables are wanted at the end, if at all; until then they are not worked out.
@@ -244,6 +250,7 @@ class LiveMethod:
         assert self._header is not None
         assert self._controller is not None
         exchange = self._controller.exchange
+        live.statistics.answers += exchange.milliseconds
         return live.statistics.lines(
             self._tables,
             cycle_time=self._header.parameters.cycle_time,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from agent.drives.right.controller import Controller
     from agent.offline.expected_readings import ExpectedReadingsWorker
     from agent.run.reporter import Reporter
-    from agent.run.session import Settings
+    from agent.run.settings import Settings
     from agent.run.signals import Interrupts
     from ciberrato.files.run_records import Cycle, RecordedRun, RunHeader
 
@@ -38,6 +38,7 @@ class PublishedMethod:
         self._late = late
         self.log_is_whole = True
         """See `Method.log_is_whole`."""
+        self.thinks_long = self.drives = False
         self._worker: ExpectedReadingsWorker | None = None
 
     def prepare(self) -> bool:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import time
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING
 
 from agent.drives.right.phases import Phase
 from agent.run.registration import Answer, register
@@ -16,150 +15,19 @@ from ciberrato.net.link import Arrival, Link, LinkError
 from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from agent.drives.exchange import Exchange
+    from agent.run.method import Method, Responder
+    from agent.run.relayed_link import Relay, RelayedLink
     from agent.run.reporter import Reporter
+    from agent.run.settings import Settings
     from agent.run.signals import Interrupts
     from ciberrato.files.run_log import RunWriter
-    from ciberrato.files.run_records import Cycle, DistanceModel, Preset, RecordedRun, RunHeader
-    from ciberrato.world.lab import Lab
+    from ciberrato.files.run_records import Cycle, RunHeader
+    from ciberrato.physics.kinematics import Command
 
 _STOPPED_CYCLES = 5  # a simulator that starts by itself does so after one or two
 _STOPS = 3  # times that the last stop is repeated, a cycle apart
 _SILENT_CYCLES = 3  # a simulator is not silent before it has missed so many cycles
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """User's settings of a run.
-
-    Attributes
-    ----------
-    host : str
-    port : int
-    transport : {"udp", "tcp"}
-    position : int
-        Position in the start grid; 0 = any free one.
-    name : str
-        The robot's.
-    lab : Lab
-    lab_file : Path
-    lab_data : bytes
-        Contents of the file.
-    angles : tuple of four float
-        Mounting angles of the IR sensors in degrees.
-    cruise : float
-        Units per cycle.
-    exit_at_wall : bool
-    preset : {"seed", "calibrated"}
-    distance_model : {"sensor", "cone"}
-    precision : int
-        Decimals in the belief file.
-    seed : int or None
-        The simulation's, for the log only.
-    log : Path
-    output : Path
-    silence : float
-        Seconds without Measures after which the simulator is taken to be gone.
-    give_up_after : float or None
-        Seconds without an answer to the registration.
-    reconnect : bool
-        Whether another run follows one whose simulator has gone: then refusals are waited out, too.
-    lockstep : bool
-        Whether the simulator is known to wait for every answer: then no clock has a say.
-    quiet : bool
-        Whether to print nothing but errors.
-    """
-
-    host: str
-    port: int
-    transport: Literal["udp", "tcp"]
-    position: int
-    name: str
-    lab: Lab
-    lab_file: Path
-    lab_data: bytes
-    angles: tuple[float, float, float, float]
-    cruise: float
-    exit_at_wall: bool
-    preset: Preset
-    distance_model: DistanceModel
-    precision: int
-    seed: int | None
-    log: Path
-    output: Path
-    silence: float
-    give_up_after: float | None
-    quiet: bool
-    reconnect: bool = False
-    lockstep: bool = False
-
-
-class Responder(Protocol):
-    """Interface of a controller that answers messages; see `agent.drives.right.controller.Controller`."""
-
-    @property
-    def exchange(self) -> Exchange:
-        """The account of messages and answers."""
-
-    @property
-    def ended(self) -> str | None:
-        """Reason why the run is over, as soon as it is."""
-
-    def observe(
-        self, measures: Measures, *, newest: bool = True, arrived: float | None = None
-    ) -> tuple[Cycle, Actions | None]:
-        """Process one message and decide on the answer."""
-        ...
-
-    def sent(self, time: float) -> None:
-        """Record when the last answer was sent."""
-
-
-class Method(Protocol):
-    """Interface of a localization method; a session calls it, from top to bottom."""
-
-    def prepare(self) -> bool:
-        """Prepare the registration; return whether to go on."""
-        ...
-
-    def begin(self) -> None:
-        """Start what may take long. The registration is already sent."""
-
-    def announce(self, header: RunHeader) -> None:
-        """Process what is known of the run, now that the simulator has answered."""
-
-    def controller(self, header: RunHeader) -> Responder:
-        """Return what answers the messages."""
-        ...
-
-    log_is_whole: bool
-    """Whether the log has all messages of the run; set before `finish`."""
-
-    @property
-    def failure(self) -> str | None:
-        """Reason why the run cannot go on; None if it can."""
-
-    def report(self, cycle: Cycle) -> None:
-        """Report to the user what is new after a cycle."""
-
-    def finish(self, run: RecordedRun | None, reason: str, stop: Callable[[], None]) -> int:
-        """Write the belief file; return the exit status.
-
-        Parameters
-        ----------
-        run : RecordedRun or None
-            None if the simulator never answered.
-        reason : str
-            Reason for the end of the run.
-        stop : callable
-            Stops the robot.
-        """
-        ...
-
-    def close(self) -> None:
-        """Stop what was started."""
 
 
 class Session:
@@ -184,6 +52,9 @@ class Session:
         self._header: RunHeader | None = None
         self._cycles: list[Cycle] = []
         self._exchange: Exchange | None = None
+        self._relay: Relay | None = None
+        self._held: Cycle | None = None
+        """Message that another process answers: it is recorded when it is known what was sent."""
         self.lost_contact = False
         """Whether the run has ended because the simulator was not heard any more, or has begun again."""
 
@@ -202,9 +73,12 @@ class Session:
             be written.
         """
         try:
+            self._relay = _relay(self._settings, self._method)
             return self._run() if self._method.prepare() else self._interrupts.status
         finally:
             self._method.close()
+            if self._relay is not None:
+                self._relay.close()
 
     def _run(self) -> int:
         settings = self._settings
@@ -238,6 +112,7 @@ class Session:
         from ciberrato.files.run_records import RunHeader
 
         settings, parameters = self._settings, answer.acceptance.parameters
+        relayed = self._hand_over(link, answer)
         self._header = RunHeader(
             lab_name=settings.lab_file.name,
             lab_sha256=hashlib.sha256(settings.lab_data).hexdigest(),
@@ -263,9 +138,16 @@ class Session:
         exchange.lockstep = self._settings.lockstep
         # The simulator answers a registration in its next cycle: what is beyond that was spent on the way.
         exchange.round_trip = max(answer.seconds - exchange.pace.seconds, 0.0)
+        exchange.is_relayed = relayed is not None
         with writer:
-            waiting = [Arrival(data, None) for data in answer.following]
-            reason = self._answer_measures(link, controller, writer, waiting)
+            waiting = [Arrival(data, None) for data in answer.following if relayed is None]
+            try:
+                reason = self._answer_measures(relayed or link, controller, writer, waiting)
+            finally:
+                if relayed is not None:
+                    relayed.release()
+                    self._hear(relayed, exchange)
+            self._record_held(exchange.command, writer)
         self._tell_of_log(writer)
         missing = exchange.summary()
         if missing is not None:
@@ -290,12 +172,19 @@ class Session:
                 if not waiting:
                     self.lost_contact = True
                     return str(error)
+            relayed = self._hear(link, exchange)
             taken = [(self._decode(arrival.data), arrival.time) for arrival in waiting]
             measures = [(message, arrived) for message, arrived in taken if isinstance(message, Measures)]
             news = exchange.news(measures)
             for number, (message, arrived) in enumerate(news, start=1):
                 newest = number == len(news)
+                self._record_held(exchange.command_in_effect(arrived, message.time), writer)
                 cycle, actions = controller.observe(message, newest=newest, arrived=arrived)
+                if relayed is not None:
+                    self._held = cycle
+                    if actions is not None:
+                        self._decide(relayed, message.time, actions)
+                    continue
                 if actions is not None:
                     # Before sending: in lockstep what follows may be here before the call returns.
                     controller.sent(time.time())
@@ -314,7 +203,9 @@ class Session:
             elif now - heard >= silence:
                 self.lost_contact = True
                 return f"no Measures for {silence:g} s"
-            if news:
+            if relayed is not None:
+                next_stop = math.inf
+            elif news:
                 next_stop = now + exchange.patience
             elif now >= next_stop:
                 # A robot that is told nothing goes on as it was told last: blindly, and into walls.
@@ -327,6 +218,51 @@ class Session:
             except LinkError as error:
                 self.lost_contact = True
                 return str(error)
+
+    def _hand_over(self, link: Link, answer: Answer) -> RelayedLink | None:
+        """Send the link to the process that is to answer from now on, if there is one."""
+        from ciberrato.net.udp import UdpLink
+
+        if self._relay is None or not isinstance(link, UdpLink):
+            return None
+        from agent.run.answerer import AnswererSetup
+
+        settings = self._settings
+        setup = AnswererSetup(
+            parameters=answer.acceptance.parameters,
+            angles=settings.angles,
+            cruise=settings.cruise,
+            roams=self._method.drives,
+        )
+        return self._relay.take_over(link, answer.following, setup)
+
+    def _hear(self, link: Link, exchange: Exchange) -> RelayedLink | None:
+        """Record what another process has sent; return the link, if it goes on with that."""
+        from agent.run.relayed_link import RelayedLink
+
+        if self._relay is None or not isinstance(link, RelayedLink):
+            return None
+        for answer in link.told():
+            exchange.relayed(answer)
+        if exchange.is_relayed and not link.answers and not link.is_released:
+            self._reporter.warn("the process that answers in time has ended; answering without it")
+        exchange.is_relayed = link.answers
+        return link if link.answers else None
+
+    def _record_held(self, command: Command | None, writer: RunWriter) -> None:
+        """Record the message before this one, with the command that was in effect after it."""
+        if self._held is None or self._exchange is None:
+            return
+        answered = self._held.time in self._exchange.answered
+        held = dataclasses.replace(self._held, command=command, answered=answered)
+        self._held = None
+        self._record(held, writer)
+
+    def _decide(self, link: RelayedLink, time: int, actions: Actions) -> None:
+        try:
+            link.decide(time, encode(actions))
+        except LinkError as error:
+            self._reporter.warn_once(str(error))
 
     def _send(self, link: Link, actions: Actions) -> None:
         try:
@@ -402,6 +338,15 @@ class Session:
             f"noise: motors {parameters.motors_noise:g} %, compass {parameters.compass_noise:g} degrees, "
             f"IR {parameters.obstacle_noise:g}; cycle {parameters.cycle_time} ms; {length}"
         )
+
+
+def _relay(settings: Settings, method: Method) -> Relay | None:
+    """Start the process that answers while the method computes, where that is of use."""
+    if not method.thinks_long or settings.transport != "udp":
+        return None
+    from agent.run.relayed_link import Relay, can_relay
+
+    return Relay() if can_relay() else None
 
 
 def _open_link(settings: Settings) -> Link:

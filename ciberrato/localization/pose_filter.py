@@ -259,8 +259,17 @@ class PoseFilter:
         self.feed(measures, command)
         return self.estimate()
 
-    def feed(self, measures: Measures, command: Command | None = None) -> None:
-        """Process a message as `observe` does, without computing the estimate."""
+    def feed(self, measures: Measures, command: Command | None = None, *, later: bool = False) -> None:
+        """Process a message as `observe` does, without computing the estimate.
+
+        Parameters
+        ----------
+        measures : Measures
+        command : (float, float) or None
+            See `observe`.
+        later : bool
+            Whether the message is left waiting, as newer ones are at hand: they are weighed together.
+        """
         if not isinstance(measures, Measures):
             raise TypeError(f"measures: {measures!r:.60} is not a Measures")
         if command is not None and not _is_command(command):
@@ -282,7 +291,7 @@ class PoseFilter:
         elif self.live.filter is None:
             raise ValueError("the pose filter was closed before its tables were there")
         self._order.accept(measures)
-        self.live.observe(measures, command)
+        self.live.observe(measures, command, later=later)
 
     @property
     def stale(self) -> int:

@@ -51,6 +51,25 @@ class UdpLink:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
         stamp_arrivals(self._socket)
 
+    @classmethod
+    def handed_over(cls, sock: socket.socket, host: str, port: int, peer: tuple[str, int]) -> UdpLink:
+        """Return the link that another process has had so far, given its socket and the peer it found."""
+        link = cls(host, port)
+        link._socket.close()
+        link._socket, link._peer = sock, peer
+        sock.setblocking(False)
+        return link
+
+    @property
+    def main(self) -> tuple[str, int]:
+        """Address and main port of the simulator."""
+        return self._main
+
+    @property
+    def endpoint(self) -> socket.socket:
+        """Socket of the link, for handing it over."""
+        return self._socket
+
     @property
     def peer(self) -> tuple[str, int] | None:
         """Address and port of the simulator that has answered, or None."""

@@ -86,6 +86,39 @@ def lower_priority() -> None:
             os.nice(5)
 
 
+_SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
+"""Numbers of Linux's system call by machine; no library has a function for it."""
+_SHORTEST_SLICE = 100_000  # nanoseconds, the least that Linux grants
+
+
+def ask_for_short_slices() -> bool:
+    """Request short turns on the processor, and for that early ones, at the same priority and share.
+
+    Linux (6.12 and later) serves first whose turn would end first: a process that needs a fraction of a
+    millisecond need not wait for the turns of processes that compute. It takes no privilege. Elsewhere
+    nothing changes.
+
+    Returns
+    -------
+    bool
+        Whether the system has granted it.
+    """
+    if sys.platform != "linux":
+        return False
+    number = _SCHED_SETATTR.get(os.uname().machine)
+    if number is None or sys.maxsize < 2**32:
+        return False
+    import ctypes
+    import struct
+
+    # size, policy (normal), flags, nice, priority, slice, deadline, period
+    asked = struct.pack("=IIQiIQQQ", 48, 0, 0, os.nice(0), 0, _SHORTEST_SLICE, 0, 0)
+    try:
+        return int(ctypes.CDLL(None).syscall(number, 0, asked, 0)) == 0
+    except (AttributeError, OSError):
+        return False
+
+
 def runnable(command: Sequence[str], environment: Mapping[str, str]) -> list[str]:
     """Return a command line that is looked for where its own environment says.
 

@@ -6,8 +6,12 @@ import math
 import select
 import socket
 import struct
+import subprocess
 import sys
+from collections.abc import Sequence
 from typing import Protocol
+
+from ciberrato.system.process import apart
 
 READING, WRITING = 1, 4
 """Events for which a poller can wait: the values of POLLIN and POLLOUT, which Windows does not name."""
@@ -134,6 +138,57 @@ def receive_stamped(sock: socket.socket) -> tuple[bytes, tuple[str, int], float 
             seconds, nanoseconds = _STAMP.unpack_from(value)
             return data, sender, float(seconds) + 1e-9 * float(nanoseconds)
     return data, sender, None
+
+
+CAN_HAND_OVER = hasattr(socket, "send_fds") and hasattr(socket, "AF_UNIX")
+"""Whether a socket can be handed over to another process."""
+
+
+def start_with_channel(command: Sequence[str]) -> tuple[subprocess.Popen[bytes], socket.socket]:
+    """Start a process apart that has one end of a stream, and return it with the other end.
+
+    Parameters
+    ----------
+    command : sequence of str
+        The number of its descriptor is added as the last argument; see `inherited_channel`.
+
+    Returns
+    -------
+    process : Popen
+    channel : socket
+        Blocking.
+    """
+    ours, theirs = socket.socketpair()
+    with theirs:
+        number = theirs.fileno()
+        try:
+            process = subprocess.Popen(
+                [*command, str(number)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                pass_fds=(number,),
+                **apart(),
+            )
+        except BaseException:
+            ours.close()
+            raise
+    return process, ours
+
+
+def inherited_channel(number: int) -> socket.socket:
+    """Return the end of a stream that `start_with_channel` has left to this process."""
+    return socket.socket(fileno=number)
+
+
+def send_socket(channel: socket.socket, sock: socket.socket) -> None:
+    """Send a socket to the process at the other end of a channel; this process keeps it, too."""
+    socket.send_fds(channel, [b"."], [sock.fileno()])
+
+
+def receive_socket(channel: socket.socket) -> socket.socket | None:
+    """Wait for a socket from the other end of a channel; None if it has ended."""
+    _, descriptors, _, _ = socket.recv_fds(channel, 1, 1)
+    return socket.socket(fileno=descriptors[0]) if descriptors else None
 
 
 def has_address(address: str) -> bool:

@@ -204,3 +204,62 @@ def test_the_agent_drives_to_a_place_from_it_knows_not_where(tmp_path):
     assert blocks.shape[1:] == (3, 4)
     assert blocks[1][2, 0] > 0.8  # the start cell, known from the whole run
     assert blocks[-1].argmax() == 2 * 4 + 3
+
+
+def relayed_controller(small_lab, worker, clock):
+    from agent.drives import make_drive
+
+    localizer = PoseFilter(small_lab, PARAMETERS, ANGLES, tables=worker, clock=clock)
+    header = RunHeader(lab_name="small", lab_sha256="", parameters=PARAMETERS, sensor_angles=ANGLES)
+    controller = LiveController(header, localizer, make_drive("explore", small_lab, PARAMETERS, ANGLES))
+    controller.exchange.is_relayed = True
+    return localizer.live, controller
+
+
+def test_where_another_process_answers_nothing_is_decided_for_what_is_past(
+    small_lab, coarse_tables, fine_tables
+):
+    seconds = PARAMETERS.cycle_time / 1000.0
+    late = [0.0]
+    ticks = itertools.count()
+    # Each look at the clock finds it so much later.
+    live, controller = relayed_controller(
+        small_lab, tables_from(coarse_tables, fine_tables), lambda: late[0] * next(ticks)
+    )
+    world, robot, measures = simulation(small_lab)
+    decided, lags, estimated = [], [], []
+    for cycle in range(60):
+        # From 20 on a cycle's time is over after one message, of which four come at once.
+        late[0] = 3.0 * seconds if cycle >= 20 else 0.0
+        newest = cycle < 20 or cycle % 4 == 3
+        controller.exchange.news([(measures, 100.0 + seconds * cycle)])
+        entry, actions = controller.observe(measures, newest=newest, arrived=100.0 + seconds * cycle)
+        decided.append(actions is not None)
+        lags.append(live.lag)
+        estimated.append(entry.estimate is not None)
+        measures = world.step({robot: Actions(left_motor=0.05, right_motor=0.05)})[robot]
+    assert lags[:20] == [0] * 20
+    assert sum(decided[4:20]) == 16
+    assert all(estimated[:20])
+    # Three more wait after every four; what is decided then would be of where the robot was.
+    assert lags[23::4] == [3 * number for number in range(1, 11)]
+    assert not any(decided[20:])
+    assert not any(estimated[20:])
+    assert len(live.history) == 60
+    assert controller.exchange.unanswered == 0  # which the other process counts
+    late[0] = 0.0
+    controller.observe(measures, arrived=103.0)
+    assert live.lag == 0
+
+
+def test_before_the_tables_come_the_other_process_drives(small_lab):
+    seconds = PARAMETERS.cycle_time / 1000.0
+    _, controller = relayed_controller(small_lab, tables_from(), lambda: 0.0)
+    world, robot, measures = simulation(small_lab)
+    decided = []
+    for cycle in range(10):
+        controller.exchange.news([(measures, 100.0 + seconds * cycle)])
+        decided.append(controller.observe(measures, arrived=100.0 + seconds * cycle)[1] is not None)
+        measures = world.step({robot: Actions()})[robot]
+    # Until the messages show that the simulator keeps real time it may be waiting for this one.
+    assert decided == [True] * 3 + [False] * 7

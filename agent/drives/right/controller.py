@@ -71,7 +71,8 @@ class Controller:
             self.ended = "the simulator has begun again"
         # While nothing moves every message is answered, however many there are: a seed then gives one log.
         answered = (newest or not measures.start) and self.ended is None and news is News.FRESH
-        self.exchange.unanswered += measures.start and not newest and news is News.FRESH
+        if measures.start and not newest and news is News.FRESH:
+            self.exchange.overtake()
         actions = self.exchange.answer(self._decide(measures)) if answered else None
         return self._record(measures, crossing, answered), actions
 

@@ -69,7 +69,8 @@ class LiveFilter:
         self._worker = worker
         self._start = start
         self._settings = settings
-        self._budget = _BUDGET * parameters.cycle_time / 1000.0 if budget is None else budget
+        self.budget = _BUDGET * parameters.cycle_time / 1000.0 if budget is None else budget
+        """Seconds that `observe` may take; at least one message is processed."""
         self._clock = clock
         self.history: list[Input] = []
         """The messages, each with the command that was in effect before it; of a long rest only some."""
@@ -111,7 +112,7 @@ class LiveFilter:
         if self.filter is not None and self.lag == 0:
             self.moments.take(self.filter.belief, time)
 
-    def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
+    def observe(self, measures: Measures, command_in_effect: Command | None, *, later: bool = False) -> None:
         """Queue a message, and process as much of the queue as the budget allows.
 
         Parameters
@@ -119,11 +120,16 @@ class LiveFilter:
         measures : Measures
         command_in_effect : (float, float) or None
             See `GridFilter.observe`.
+        later : bool
+            Whether to queue it only.
         """
         begin = self._clock()
         self._remember(measures, command_in_effect)
+        if later:
+            self.statistics.waited += measures.start and not self.is_ready
+            return
         self._look_for_tables()
-        end = begin + self._budget
+        end = begin + self.budget
         if self.filter is not None:
             was_fine = self.filter.is_fine
             self._taken = self._feed(self.filter, self._taken, end)

@@ -59,9 +59,10 @@ class LiveStatistics:
         list of str
         """
         slow = sum(milliseconds > cycle_time for milliseconds in self.answers)
+        half = sum(milliseconds > cycle_time / 2.0 for milliseconds in self.answers)
         answers = (
             f"answers: {_spread(self.answers)}; {slow} of {len(self.answers)} later than a cycle of "
-            f"{cycle_time:g} ms; {unanswered} Measures unanswered, {lost} lost; "
+            f"{cycle_time:g} ms, {half} than half a cycle; {unanswered} Measures unanswered, {lost} lost; "
             f"no belief yet in {self.waited} cycles"
         )
         if not self.milliseconds:
