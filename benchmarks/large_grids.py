@@ -31,7 +31,7 @@ DOUBLE, SINGLE = "machine code", "machine code, float32"
 
 
 class Size(NamedTuple):
-    """One grid: states, those active, and of a step CPU seconds and bytes, by way of computing."""
+    """One grid: states, those active, and of a step CPU seconds and bytes, by how it is computed."""
 
     states: int
     active: int

@@ -192,7 +192,7 @@ def drive_and_turn(turned, cells, shares, begins, free, weights, first, out, beg
     begins : int, shape (headings + 1,)
         First entry of each heading's kernel.
     free : bool, shape (x, y)
-        What ends elsewhere is lost.
+        Mass that ends elsewhere is lost.
     weights, first : shape (n,), int
         Distribution of the turn.
     out : shape (x, y, headings)

@@ -35,7 +35,7 @@ def predict_compiled(
         Checked as by `check_belief`.
     shape : tuple of int
     free : BoolArray, shape (x, y), optional
-        What ends elsewhere is lost.
+        Mass that ends elsewhere is lost.
     turns : two pairs (turn, sigma)
         In heading cells.
     kernels : LatticeKernels
