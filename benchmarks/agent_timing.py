@@ -57,9 +57,9 @@ def start_rows() -> Iterator[Row]:
     with compiled_modules():
         for number in range(STARTS + 1):
             for who, work in works.items():
-                times = work()
+                once = work()
                 if number:  # the first one compiles
-                    taken[who].append(times)
+                    taken[who].append(once)
     least = {who: min(wall for wall, _ in times) for who, times in taken.items()}
     for who, times in taken.items():
         wall, processor = np.median(times, axis=0)

@@ -115,7 +115,7 @@ def plain(walls: WallMap, places: Floats) -> Floats:
     """Compute what `ciberrato.infrared.sweep.tabulate_distances` does, direction by direction."""
     count = 2 * BINS
     table = np.full((count, len(places)), np.inf)
-    angles = np.arange(count) * (2.0 * math.pi / count)
+    angles = np.asarray(np.arange(count) * (2.0 * math.pi / count), np.float64)
     for row, axis in zip(table, angles, strict=True):
         sensors = places + SENSOR_OFFSET * np.array([math.cos(axis), math.sin(axis)])
         for turn in (0.0, HALF_APERTURE, -HALF_APERTURE):

@@ -7,6 +7,7 @@ and fro. The reference sends the same bytes to and fro, and does nothing else.
 
 from __future__ import annotations
 
+import math
 import re
 import select
 import socket
@@ -14,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def rows() -> Iterator[Row]:
         group = f"lockstep on loopback, {robots} robot{'s' if robots > 1 else ''} in maze, a cycle"
         for transport in ("udp", "tcp"):
             if transport == "udp":
-                seconds = min(echo_seconds(robots) for _ in range(SERIES))
+                seconds = min(echo(robots)[0] for _ in range(SERIES))
                 yield Row(
                     group=group,
                     who="the same datagrams, nothing done",
@@ -50,7 +51,7 @@ def rows() -> Iterator[Row]:
                     reference=True,
                     note=f"{1 / seconds:,.0f} cycles/s",
                 )
-            seconds = min(cycle_seconds(transport, robots) for _ in range(SERIES))
+            seconds = min(run_cycles(transport, robots)[0] for _ in range(SERIES))
             yield Row(
                 group=group,
                 who=f"simulator_stub over {transport.upper()}",
@@ -61,17 +62,25 @@ def rows() -> Iterator[Row]:
             )
 
 
-def cycle_seconds(transport: str, robots: int) -> float:
-    """Run the simulator once; return the seconds of one cycle."""
-    with simulator(CYCLES[robots], robots) as port:
+def run_cycles(transport: str, robots: int) -> tuple[float, float]:
+    """Run the simulator once; return the seconds of one cycle, and its processor time."""
+    with simulator(CYCLES[robots], robots) as (port, pid):
         client = _udp_clients if transport == "udp" else _tcp_clients
-        seconds = client(port, robots)
-    return seconds / CYCLES[robots]
+        seconds, used = client(port, robots, lambda: _processor_seconds(pid))
+    return seconds / CYCLES[robots], used / CYCLES[robots]
+
+
+def _processor_seconds(pid: int) -> float:
+    """Return the processor time of a process so far; nan where the system does not tell (all but Linux)."""
+    try:
+        return int(Path(f"/proc/{pid}/schedstat").read_text(encoding="ascii").split()[0]) / 1e9
+    except OSError:
+        return math.nan
 
 
 @contextmanager
-def simulator(cycles: int, robots: int, *options: str) -> Iterator[int]:
-    """Run a simulator in a process of its own; yield its port."""
+def simulator(cycles: int, robots: int, *options: str) -> Iterator[tuple[int, int]]:
+    """Run a simulator in a process of its own; yield its port and its process number."""
     with tempfile.TemporaryDirectory() as folder:
         parameters = Path(folder) / "params.xml"
         parameters.write_text(f'<Parameters SimTime="{cycles}" CycleTime="50"/>', encoding="utf-8")
@@ -84,13 +93,13 @@ def simulator(cycles: int, robots: int, *options: str) -> Iterator[int]:
             assert process.stdout is not None
             lines = [process.stdout.readline() for _ in range(3)]
             try:
-                yield int(lines[1].rsplit(":", 1)[1])
+                yield int(lines[1].rsplit(":", 1)[1]), process.pid
                 process.wait(20.0)
             finally:
                 process.kill()
 
 
-def _udp_clients(port: int, robots: int) -> float:
+def _udp_clients(port: int, robots: int, used: Callable[[], float]) -> tuple[float, float]:
     sockets = []
     for number in range(1, robots + 1):
         own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -99,22 +108,22 @@ def _udp_clients(port: int, robots: int) -> float:
         _, address = own.recvfrom(4096)
         own.connect(address)
         sockets.append(own)
-    return _drive(sockets)
+    return _drive(sockets, used)
 
 
-def _tcp_clients(port: int, robots: int) -> float:
+def _tcp_clients(port: int, robots: int, used: Callable[[], float]) -> tuple[float, float]:
     sockets = []
     for number in range(1, robots + 1):
         own = socket.create_connection(("127.0.0.1", port))
         own.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         own.sendall(REGISTRATION % (number, number))
         sockets.append(own)
-    return _drive(sockets)
+    return _drive(sockets, used)
 
 
-def _drive(sockets: list[socket.socket]) -> float:
-    """Answer everything until the end; return the seconds from time 1 on."""
-    began = 0.0
+def _drive(sockets: list[socket.socket], used: Callable[[], float]) -> tuple[float, float]:
+    """Answer everything until the end; return the seconds from time 1 on, and those of `used`."""
+    began = used_before = 0.0
     poll = select.poll()
     by_number = {own.fileno(): own for own in sockets}
     for own in sockets:
@@ -127,20 +136,20 @@ def _drive(sockets: list[socket.socket]) -> float:
             assert own is not None
             data = own.recv(65536)
             if not began and running.search(data):
-                began = time.perf_counter()
+                began, used_before = time.perf_counter(), used()
             if _END in data or not data:
                 ended.add(own.fileno())
                 continue
             if b"</Measures>" in data:
                 own.send(ANSWER)
-    seconds = time.perf_counter() - began
+    seconds, processor = time.perf_counter() - began, used() - used_before
     for own in sockets:
         own.close()
-    return seconds
+    return seconds, processor
 
 
 _ECHO = """
-import select, socket, sys
+import socket, sys, time
 robots, cycles = int(sys.argv[1]), int(sys.argv[2])
 message = b"m" * 355 + b"\\0"
 sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(robots)]
@@ -150,18 +159,20 @@ print(*(own.getsockname()[1] for own in sockets), flush=True)
 addresses = [own.recvfrom(64)[1] for own in sockets]
 for own, address in zip(sockets, addresses):
     own.connect(address)
+began = time.process_time()
 for _ in range(cycles):
     for own in sockets:
         own.send(message)
     for own in sockets:
         own.recv(2048)
+print(time.process_time() - began, flush=True)
 for own in sockets:
     own.send(b"end")
 """
 
 
-def echo_seconds(robots: int) -> float:
-    """Measure the seconds of one cycle in which another process sends and receives the same bytes."""
+def echo(robots: int) -> tuple[float, float]:
+    """Have another process send and receive the same bytes; return the seconds and its processor time."""
     cycles = CYCLES[robots]
     command = [sys.executable, "-c", _ECHO, str(robots), str(cycles)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -188,4 +199,5 @@ def echo_seconds(robots: int) -> float:
         seconds = time.perf_counter() - began
         for own in sockets:
             own.close()
-    return seconds / cycles
+        used = float(process.stdout.readline())
+    return seconds / cycles, used / cycles

@@ -27,6 +27,7 @@ MODULES = (
     "simulator_speed",
     "gym_speed",
     "simulator_lockstep",
+    "lockstep_parts",
     "simulator_crowd",
 )
 """Modules of this package with `rows() -> Iterator[Row]`, in the order of the table. Add yours here."""

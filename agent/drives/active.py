@@ -86,7 +86,9 @@ class ActiveDrive:
 
     def decide(self, measures: Measures, pose_filter: GridFilter) -> Decision:
         """Decide on a command, see `agent.drives.base.Drive`."""
-        self._known = self._known + 1 if pose_filter.estimate().certain else 0
+        found = pose_filter.estimate()
+        known = found.certain or (found.likely and self._mode is _Mode.LOCALIZED)
+        self._known = self._known + 1 if known else 0
         if self._known >= self._hold:
             self._mode = _Mode.LOCALIZED
         elif self._known == 0:

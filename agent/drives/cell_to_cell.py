@@ -148,7 +148,7 @@ class CellDrive:
             self._lose()
             if self._lattice is not None:
                 self._forget_visits()  # some of them were made elsewhere
-        if not found.certain:
+        if not (found.certain or (found.likely and self._pose is not None)):
             self._unknown += 1
             self._known = 0
             if self._unknown >= _LOST_AFTER:

@@ -66,7 +66,7 @@ class ExploreDrive:
         if self._visits is None:
             self._visits = np.zeros((pose_filter.lab.rows + 2, pose_filter.lab.columns + 2))
         found = pose_filter.estimate()
-        if found.certain:
+        if found.likely:
             row = min(max(found.cell[0], 0), pose_filter.lab.rows)
             column = min(max(found.cell[1], 0), pose_filter.lab.columns)
             self._visits *= 0.998
@@ -88,7 +88,7 @@ class ExploreDrive:
     def _crowdedness(self, pose_filter: GridFilter, sample: PoseSample, distances: Floats) -> Floats:
         """Return how often the robot has been where a leg would end; 0 while it is lost."""
         assert self._visits is not None
-        if not pose_filter.estimate().certain:
+        if not pose_filter.estimate().likely:
             return np.zeros(len(_TURNS))
         reach = np.clip(distances, 0.5, 2.5)[:, np.newaxis]
         heading = sample.heading + _TURNS[:, np.newaxis]

@@ -53,7 +53,7 @@ class LogReplay:
         if logged is None:
             return
         self._name = logged.name
-        self.poses[record.time] = (logged.x, logged.y, logged.direction)
+        self.poses[record.time] = (logged.x, logged.y, logged.direction_deg)
         crossing = self._tracker.observe(logged.measures, self._command)
         if logged.actions is not None:
             left, right = self._command or STANDSTILL

@@ -89,6 +89,8 @@ class LiveController:
         self._arrived = arrived if newest else None
         if self._lockstep:
             arrived = None
+        if self.exchange.under_way(arrived):
+            self.localizer.live.unsure = True  # answers act cycles later, which one is not known exactly
         if self.exchange.judge(measures) is News.FRESH:
             self.localizer.feed(measures, self.exchange.command_in_effect(arrived, measures.time))
         cycle, actions = self.controller.observe(measures, newest=newest, arrived=arrived)

@@ -214,7 +214,7 @@ class LiveMethod:
         if cycle.estimate is None or not self._live.show:
             return
         from agent.offline.summary import cell_name
-        from ciberrato.localization.belief.estimate import cell_at
+        from ciberrato.localization.belief.estimate import CERTAIN, cell_at
 
         x, y, heading, probability = cycle.estimate
         assert live.filter is not None
@@ -222,7 +222,7 @@ class LiveMethod:
         news = ""
         if restarts > self._restarts:
             news = "; the robot must have been moved, starting anew"
-        elif self._claimed != (probability > 0.95):
+        elif self._claimed != (probability > CERTAIN):
             self._claimed = not self._claimed
             news = "; the pose is known" if self._claimed else "; the pose is no longer certain"
         self._restarts = restarts
@@ -253,8 +253,10 @@ class LiveMethod:
 
     def _others(self, probability: float) -> str:
         """Return what else the pose may be, if it is not certain."""
+        from ciberrato.localization.belief.estimate import CERTAIN
+
         assert self._localizer is not None
-        if probability > 0.95:
+        if probability > CERTAIN:
             return ""
         others = [mode for mode in self._localizer.live.modes() if mode.probability >= 0.05]
         if len(others) < 2:

@@ -143,7 +143,7 @@ def _texts(status: RobotStatus, measures: Measures) -> dict[str, str]:
     return {
         "x": f"{status.x:g}",
         "y": f"{status.y:g}",
-        "dir_deg": f"{status.direction:g}",
+        "dir_deg": f"{status.direction_deg:g}",
         "score": str(status.score % 2**32),
         "collisions": str(status.collisions),
         "collision": str(status.collision),

@@ -148,7 +148,7 @@ def _longest(results: list[Result]) -> int:
 _FIGURES = (
     _Figure(
         "time_to_localize",
-        "Time to localize: right, with a probability above 0.95",
+        "Time to localize: right, with a probability above 0.99",
         "cycles since the start",
         "share of the runs",
         _draw_times,

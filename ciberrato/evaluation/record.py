@@ -136,7 +136,7 @@ class Record:
             wrongly=self._wrongly,
             final_claim=self._claim,
             final_place_error=round(self._place_error, 4),
-            final_turn_error=round(self._turn_error, 3),
+            final_turn_error_deg=round(self._turn_error, 3),
             collisions=collisions,
             colliding=self._colliding,
             restarts=list(pose_filter.restarts),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any
@@ -60,10 +61,7 @@ def group_by(results: Sequence[Result], *fields: str) -> dict[tuple[str, ...], l
         without unseen characters, and different where the values are.
     """
     names = [
-        distinct_names(
-            {getattr(r.task, field) for r in results},
-            lambda value, field=field: plain(_short(value, field), MOST_NAME),
-        )
+        distinct_names({getattr(r.task, field) for r in results}, partial(_short, field=field))
         for field in fields
     ]
     groups: dict[tuple[str, ...], list[Result]] = {}
@@ -99,6 +97,10 @@ def distinct_names(values: Iterable[Any], short: Callable[[Any], str]) -> dict[A
 
 
 def _short(value: Any, field: str) -> str:
+    return plain(_words(value, field), MOST_NAME)
+
+
+def _words(value: Any, field: str) -> str:
     if field == "lab" and "/" in str(value):
         path = Path(str(value))
         return f"{path.parent.name}/{path.stem}"
@@ -145,7 +147,7 @@ def summary(results: Sequence[Result]) -> dict[str, float | tuple[float, float]]
     wrong = sum(o.first_claim_wrong for o in claims)
     final = [o for o in outcomes if o.final_claim]
     place = np.array([o.final_place_error for o in final])
-    turn = np.array([o.final_turn_error for o in final])
+    turn = np.array([o.final_turn_error_deg for o in final])
     median_ms, slow_ms = _milliseconds(outcomes)
     return {
         "runs": len(outcomes),

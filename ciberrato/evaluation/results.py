@@ -147,7 +147,7 @@ def _row(one: Result | Failure) -> dict[str, Any]:
     outcome = one.outcome
     row |= {name: getattr(outcome, name) for name in _OF_OUTCOME}
     row |= dict(zip(("start_x", "start_y", "start_heading_deg"), outcome.start, strict=True))
-    row |= {"final_turn_error_deg": outcome.final_turn_error, "restarts": len(outcome.restarts)}
+    row |= {"final_turn_error_deg": outcome.final_turn_error_deg, "restarts": len(outcome.restarts)}
     if outcome.truth:
         row |= {"truth_mean": float(np.mean(outcome.truth)), "truth_last": outcome.truth[-1]}
     for part, times in (("filter", outcome.filter_ms), ("drive", outcome.drive_ms)):

@@ -95,7 +95,7 @@ class Task:
 class Outcome:
     """Outcome of a run. Times are cycles since the start; None = never.
 
-    A *claim* is a probability above 0.95 that the pose is within 0.5 units and 10 degrees of the
+    A *claim* is a probability above 0.99 that the pose is within 0.5 units and 10 degrees of the
     estimate; it is wrong if the true pose is not.
 
     Attributes
@@ -115,7 +115,7 @@ class Outcome:
     final_claim : bool
     final_place_error : float
         Units, of the last estimate.
-    final_turn_error : float
+    final_turn_error_deg : float
         Degrees.
     collisions : int
         Beginnings of collisions.
@@ -159,7 +159,7 @@ class Outcome:
     wrongly: int
     final_claim: bool
     final_place_error: float
-    final_turn_error: float
+    final_turn_error_deg: float
     collisions: int
     colliding: int
     restarts: list[int]

@@ -53,7 +53,7 @@ class LoggedRobot:
         ``Running``, ``Finished``, ...
     x, y : float
         True position in units, six digits.
-    direction : float
+    direction_deg : float
         True heading in degrees.
     score : int
         Signed.
@@ -75,7 +75,7 @@ class LoggedRobot:
     state: str
     x: float
     y: float
-    direction: float
+    direction_deg: float
     score: int
     arrival_time: int
     returning_time: int
@@ -382,7 +382,7 @@ def _robot(element: Element) -> LoggedRobot:
         state=required(element.attributes, "Robot", "State"),
         x=_real(position, "X"),
         y=_real(position, "Y"),
-        direction=_real(position, "Dir"),
+        direction_deg=_real(position, "Dir"),
         score=score - 2 * _SIGN_BIT if score >= _SIGN_BIT else score,
         arrival_time=_integer(scores, "ArrivalTime"),
         returning_time=_integer(scores, "ReturningTime"),

@@ -30,8 +30,8 @@ _MARGIN = 1e-6
 """Far above rounding errors, in units and in radians."""
 LONGEST = 24
 """Faces in a list; few sensors look as far as the last of them."""
-CANDIDATES = 256
-"""Nearest faces among which those of all lists of a square are looked for first."""
+CANDIDATES = (256, 2048)
+"""Numbers of nearest faces among which those of all lists of a square are looked for, one after the other."""
 _MAX_SQUARES = 8192
 _NEARER = math.sqrt(0.5) / SQUARES_PER_UNIT + _MARGIN
 """Units that a point of a square may be nearer to a face than its centre is."""
@@ -67,8 +67,8 @@ class ViewLists:
         # The cones of a sector lie on one side of each of three lines: their edges, and one behind them.
         self._across_x = np.stack((-np.sin(low), np.sin(high), np.cos(middle)))
         self._across_y = np.stack((np.cos(low), -np.cos(high), np.sin(middle)))
-        self._across = np.stack((self._across_x, self._across_y), axis=-1)
-        self._limit = (-0.5 / SQUARES_PER_UNIT * np.abs(self._across).sum(axis=-1) - _MARGIN)[..., np.newaxis]
+        reach = np.abs(self._across_x) + np.abs(self._across_y)
+        self._limit = (-0.5 / SQUARES_PER_UNIT * reach - _MARGIN).reshape(-1, 1)
         # Each in one piece: one square is soon looked at, and small steps count.
         self._start_x, self._start_y = np.ascontiguousarray(start.T)
         self._end_x, self._end_y = np.ascontiguousarray(end.T)
@@ -96,28 +96,31 @@ class ViewLists:
         dx, dy = self._start_x - x, self._start_y - y
         along = np.clip(-(dx * self._direction_x + dy * self._direction_y), 0.0, self._length)
         bounds = np.hypot(dx + along * self._direction_x, dy + along * self._direction_y) - _NEARER
-        candidates = CANDIDATES
-        while True:  # mostly once: the lists are short, and end far away
+        for candidates in CANDIDATES:  # mostly the first: the lists are short, and end far away
             order = least(bounds, candidates)
             ahead = self._ahead(order, x, y)
             if order.size == bounds.size or np.count_nonzero(ahead, axis=1).min() > LONGEST:
                 break
-            candidates *= 8
-        nearest = bounds[order].tolist()
-        seen = [(bound, *self._faces[face]) for bound, face in zip(nearest, order.tolist(), strict=True)]
+        nearest, faces = bounds[order].tolist(), order.tolist()
+        # What is not among the candidates is no nearer than the last of them.
+        beyond = math.inf if order.size == bounds.size else nearest[-1]
         sectors = []
         for here in ahead:
             chosen = here.nonzero()[0][: LONGEST + 1].tolist()
-            reach = nearest[chosen.pop()] if len(chosen) > LONGEST else math.inf
-            sectors.append((tuple([seen[index] for index in chosen]), reach))
+            reach = nearest[chosen.pop()] if len(chosen) > LONGEST else beyond
+            sectors.append((tuple([(nearest[index], *self._faces[faces[index]]) for index in chosen]), reach))
         self.lists[square] = tuple(sectors)
         return self.lists[square]
 
     def _ahead(self, order: Indices, x: float, y: float) -> Booleans:
         """Find which of some faces cones of each sector can meet from the square round a point."""
-        start = self._across @ np.stack((self._start_x[order] - x, self._start_y[order] - y))
-        end = self._across @ np.stack((self._end_x[order] - x, self._end_y[order] - y))
-        inside: Booleans = (np.maximum(start, end) >= self._limit).all(axis=0)
+        # By hand: BLAS would start threads for it, which get into one another's way on a busy machine.
+        across_x, across_y = self._across_x.reshape(-1, 1), self._across_y.reshape(-1, 1)
+        start = across_x * (self._start_x[order] - x) + across_y * (self._start_y[order] - y)
+        end = across_x * (self._end_x[order] - x) + across_y * (self._end_y[order] - y)
+        inside: Booleans = (
+            (np.maximum(start, end) >= self._limit).reshape(-1, SECTORS, order.size).all(axis=0)
+        )
         return inside
 
     def select(self, column: Indices, row: Indices) -> tuple[Indices, Floats, Booleans]:

@@ -244,7 +244,7 @@ def _sweep_tile(directions: Directions, plan: TilePlan, places: Floats, painter:
     squared *= squared
     _paint_corners(directions, plan, corners, places, (along, across), squared, painter)
     np.maximum(squared, 0.0, out=squared)
-    return np.sqrt(squared, out=squared)
+    return np.asarray(np.sqrt(squared, out=squared))
 
 
 def _paint_faces(

@@ -78,7 +78,7 @@ class Directions:
 
     def offsets(self, faces: Integers, places: Floats) -> Floats:
         """Return by how much the line of each face is to the left of each place, seen along it."""
-        return self._offset[faces, np.newaxis] - self.normal[faces] @ places.T
+        return np.asarray(self._offset[faces, np.newaxis] - self.normal[faces] @ places.T)
 
     def face(self, face: int) -> FaceColumns:
         """Return what a ray's distance to a face depends on, for all directions.
@@ -340,4 +340,4 @@ def _greatest(values: Floats, first: Integers, number: Integers) -> Floats:
         levels.append(level)
     table = np.array(levels)
     power = np.frexp(number.astype(np.float64))[1] - 1
-    return np.maximum(table[power, first], table[power, first + number - 2**power])
+    return np.asarray(np.maximum(table[power, first], table[power, first + number - 2**power]))

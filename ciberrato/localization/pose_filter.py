@@ -53,7 +53,7 @@ class Estimate:
     probability : float
         Probability of all poses within 0.5 units and 10 degrees; 0 until the coarse tables are ready.
     certain : bool
-        The filter's claim to know the pose: a probability above 0.95.
+        The filter's claim to know the pose: a probability above 0.99.
     modes : tuple of PoseEstimate
         All poses that the belief is gathered around, the most probable first, each with its probability:
         eight at most. Empty until the coarse tables are there.

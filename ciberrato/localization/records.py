@@ -21,7 +21,11 @@ class FilterSettings:
     Attributes
     ----------
     exponent : float
-        Power to which the likelihood of a cycle is raised at most.
+        Power to which the likelihood of a cycle is raised at most, in the long run.
+    first_exponent : float
+        The same of the first readings after all poses were possible.
+    settling : float
+        Cycles of motion in which the difference between the two falls to 1/e.
     least_exponent : float
         The same for a robot that stands.
     place_spread : float
@@ -46,6 +50,8 @@ class FilterSettings:
     __repr__ = short_repr
 
     exponent: float = 0.4
+    first_exponent: float = 1.0
+    settling: float = 10.0
     least_exponent: float = 0.02
     place_spread: float = 1.5
     turn_spread: float = 0.6

@@ -177,7 +177,7 @@ def _status(message: RobotStatus) -> str:
         attribute(m.state, "Robot State"),
         general(m.x),
         general(m.y),
-        general(m.direction),
+        general(m.direction_deg),
     )
 
 

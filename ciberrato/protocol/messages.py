@@ -367,7 +367,7 @@ class RobotStatus:
         ``Stopped``, ``Running``, ``Waiting``, ``Returning``, ``Finished`` or ``Removed``.
     x, y : float
         True position in units.
-    direction : float
+    direction_deg : float
         True heading in degrees.
     """
 
@@ -385,7 +385,7 @@ class RobotStatus:
     state: str = "Stopped"
     x: float = 0.0
     y: float = 0.0
-    direction: float = 0.0
+    direction_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

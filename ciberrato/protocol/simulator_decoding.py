@@ -96,5 +96,5 @@ def _status(root: Element) -> RobotStatus:
         state=required(attributes, "Robot", "State"),
         x=strict_real(position.get("X", "0"), "Position X"),
         y=strict_real(position.get("Y", "0"), "Position Y"),
-        direction=strict_real(position.get("Dir", "0"), "Position Dir"),
+        direction_deg=strict_real(position.get("Dir", "0"), "Position Dir"),
     )

@@ -166,7 +166,7 @@ def _robot_row(robot: RobotStatus) -> list[Any]:
         robot.robot_id,
         _finite(robot.x),
         _finite(robot.y),
-        _finite(robot.direction),
+        _finite(robot.direction_deg),
         robot.score,
         robot.arrival_time,
         robot.returning_time,

@@ -197,7 +197,7 @@ def _show_frames(session: Session, run: RecordedRun, origin: tuple[float, float]
                 state=state,
                 x=x,
                 y=y,
-                direction=direction,
+                direction_deg=direction,
             )
         )
 

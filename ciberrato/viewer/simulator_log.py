@@ -76,5 +76,5 @@ def _status(logged: LoggedRobot, time: int) -> RobotStatus:
         state=logged.state,
         x=logged.x,
         y=logged.y,
-        direction=logged.direction,
+        direction_deg=logged.direction_deg,
     )

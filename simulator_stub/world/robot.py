@@ -179,7 +179,7 @@ class Robot:
             state=self.state.value,
             x=self.x,
             y=self.y,
-            direction=self.heading_degrees,
+            direction_deg=self.heading_degrees,
         )
 
     def begin_cycle(self, request_limit: int) -> None:

@@ -16,6 +16,7 @@ from agent.drives.explore import ExploreDrive
 from agent.drives.roam import Roamer
 from agent.run.live_controller import LiveController
 from ciberrato.files.run_log import Cycle, RunHeader
+from ciberrato.localization.belief.estimate import CERTAIN
 from ciberrato.localization.cell_beliefs import cell_beliefs
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.filtering.staged_filter import staged_filter
@@ -134,7 +135,7 @@ def test_every_cell_is_visited_and_nothing_touched(
     # What the dead reckoning of the drive to the right would say is not logged as if it were this drive's.
     assert {(cycle.displacement, cycle.heading, cycle.spread) for cycle in logged} == {(None, None, None)}
     # Every cell entered is a step of the log, from when the pose is known on.
-    first = next(k for k, cycle in enumerate(logged) if cycle.estimate[3] > 0.95)
+    first = next(k for k, cycle in enumerate(logged) if cycle.estimate[3] > CERTAIN)
     assert first < 60
     entered = [cell for cell, _ in itertools.groupby(true_cells[first:])]
     steps = [(cycle.estimate[1] // 2.0, cycle.estimate[0] // 2.0) for cycle in logged if cycle.step]

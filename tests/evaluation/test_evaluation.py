@@ -58,7 +58,7 @@ def outcome(**fields) -> Outcome:
         "wrongly": 0,
         "final_claim": True,
         "final_place_error": 0.05,
-        "final_turn_error": 1.0,
+        "final_turn_error_deg": 1.0,
         "collisions": 0,
         "colliding": 0,
         "restarts": [],

@@ -60,7 +60,7 @@ def test_a_recording_holds_what_the_log_says(log, tmp_path):
         (logged,) = record.robots
         assert x[number] / 1000 == pytest.approx(logged.x, abs=6e-4)
         assert y[number] / 1000 == pytest.approx(logged.y, abs=6e-4)
-        assert heading[number] / 10 == pytest.approx(logged.direction, abs=0.06)
+        assert heading[number] / 10 == pytest.approx(logged.direction_deg, abs=0.06)
         last = changes.get(number, last)
         assert last[0] == logged.score
         assert last[3:5] == [logged.collisions, int(logged.collision)]

@@ -43,7 +43,7 @@ def test_a_log_of_the_real_simulator_is_read_whole() -> None:
     assert first.actions == Actions(left_motor=0.1, right_motor=0.1)
     assert first.measures.infrared == (0.7, 0.2, 0.2, 0.2)
     assert first.measures.start
-    assert (last.x, last.y, last.direction) == (0.511708, 4.90044, 83.9256)
+    assert (last.x, last.y, last.direction_deg) == (0.511708, 4.90044, 83.9256)
     assert (last.score, last.arrival_time, last.collisions, last.visited_mask) == (416, 400, 8, "000")
     assert last.actions is None
     assert not last.measures.start

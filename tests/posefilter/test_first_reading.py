@@ -9,6 +9,7 @@ from agent.offline.expected_readings import standable_cells
 from ciberrato.infrared.model import cell_readings, reading_log_likelihood, round_reading
 from ciberrato.localization.evidence.start_prior import parse_start
 from ciberrato.localization.filtering.grid_filter import GridFilter
+from ciberrato.localization.records import FilterSettings
 from ciberrato.protocol.messages import Measures
 from ciberrato.world.parameters import Parameters
 
@@ -57,6 +58,7 @@ def test_the_second_counts_less_as_it_repeats_the_first_ones_error(small_lab, co
 )
 def test_only_centres_with_headings_along_the_axes_are_states(small_lab, coarse_tables, start, exact):
     assert parse_start(start).on_nodes is exact
-    pose_filter = GridFilter(small_lab, coarse_tables, Parameters(), start=start)
+    settings = FilterSettings(first_exponent=0.5)
+    pose_filter = GridFilter(small_lab, coarse_tables, Parameters(), settings, start=start)
     pose_filter.observe(measures((1.0, 1.0, 1.0, 1.0)), None)
     assert (pose_filter.last_step.exponent == 1.0) is exact

@@ -91,6 +91,6 @@ def test_a_seed_gives_one_run(tmp_path, policy):
     cycles = read_run(tmp_path / "first" / "run.jsonl").cycles
     assert cycles[-1].time >= 89
     assert all(cycle.estimate is not None for cycle in cycles)
-    assert cycles[-1].entropy < cycles[0].entropy - 1.0
+    assert cycles[-1].entropy < cycles[0].entropy - 0.5
     assert "cycles without Measures" not in first[2]
     assert len({cycle.command for cycle in cycles}) > 2

@@ -16,6 +16,7 @@ from ciberrato.errors import UsageError
 from ciberrato.files.run_log import RunWriter, read_run
 from ciberrato.files.run_records import Cycle, RunHeader
 from ciberrato.localization import Estimate, PoseEstimate
+from ciberrato.localization.belief.estimate import CERTAIN
 from ciberrato.protocol import Actions, BeaconReading, Measures, RobotRegistration
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
@@ -103,7 +104,7 @@ def test_a_client_finds_its_robot_and_nothing_is_left_running(small_lab, tmp_pat
     assert is_right(client, found[-1])
     assert found[-1].time == 120
     assert found[-1].entropy < found[0].entropy - 5.0
-    assert len(started) >= 2  # a process for each lattice
+    assert len(started) >= 1  # a process for both lattices
     assert all(process.returncode is not None for process in started)
     assert set(threading.enumerate()) == before
     # What is known stays, and a filter that needs no tables any more takes messages.
@@ -218,7 +219,7 @@ def test_what_an_estimate_says(small_lab, localizer):
         shares = [mode.probability for mode in estimate.modes]
         assert shares == sorted(shares, reverse=True)
         assert sum(shares) <= 1.0 + 1e-6
-        assert estimate.certain == (estimate.probability > 0.95)
+        assert estimate.certain == (estimate.probability > CERTAIN)
         assert abs(estimate.heading) <= math.pi
     _, _, weights = localizer.live.filter.belief.listed()
     weights = weights[weights > 0.0] / weights.sum()

@@ -21,10 +21,10 @@ DEFAULT = Parameters(sim_time=0)
     [
         ("anywhere", StartPrior()),
         ("centres", StartPrior(centres=True)),
-        ("centres:0", StartPrior(centres=True, heading=0.0)),
-        ("centres:-92.5", StartPrior(centres=True, heading=-92.5)),
+        ("centres:0", StartPrior(centres=True, heading_deg=0.0)),
+        ("centres:-92.5", StartPrior(centres=True, heading_deg=-92.5)),
         ("3,4.5", StartPrior(place=(3.0, 4.5))),
-        ("3,4.5,180", StartPrior(place=(3.0, 4.5), heading=180.0)),
+        ("3,4.5,180", StartPrior(place=(3.0, 4.5), heading_deg=180.0)),
     ],
 )
 def test_what_is_known_of_the_start_is_read(text, prior):
@@ -66,7 +66,7 @@ def test_centres_with_a_heading_are_centres_with_that_heading(small_lab, coarse_
 
 
 def test_a_known_start_is_known_to_a_square_and_a_bin(small_lab, coarse_tables):
-    start = StartPrior(place=(3.1, 4.7), heading=47.0)
+    start = StartPrior(place=(3.1, 4.7), heading_deg=47.0)
     pose_filter = GridFilter(small_lab, coarse_tables, DEFAULT, start=start)
     found, belief = pose_filter.estimate(), pose_filter.belief
     assert math.hypot(found.x - 3.1, found.y - 4.7) < 0.05

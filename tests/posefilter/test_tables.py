@@ -18,7 +18,7 @@ from ciberrato.infrared.sweep import tabulate_distances
 from ciberrato.labs import find_lab
 from ciberrato.localization.belief.lattice import build_lattice
 from ciberrato.localization.tables.cache import cached_tables, read_tables, table_key, write_tables
-from ciberrato.localization.tables.pose_tables import BINS, build_tables
+from ciberrato.localization.tables.pose_tables import BINS, COARSE, FINE, build_tables, fine_resolution
 from ciberrato.localization.tables.reading_codes import ReadingCodes, code_distances, encode
 from ciberrato.localization.tables.worker import TableWorker
 from ciberrato.world.lab import Lab, Wall
@@ -336,6 +336,18 @@ def test_the_worker_computes_in_another_process_and_keeps_the_tables(small_lab, 
     assert 0.0 < worker.seconds["coarse"] < worker.seconds["fine"]
     assert 10.0 < worker.megabytes < 2000.0
     assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+def test_a_lab_too_large_for_the_fine_lattice_has_coarse_tables_only(small_lab, tmp_path, monkeypatch):
+    assert fine_resolution(read_lab(find_lab("wide"))) == FINE
+    assert fine_resolution(dataclasses.replace(small_lab, width=60.0, height=50.0)) == COARSE
+    monkeypatch.setattr("ciberrato.localization.tables.pose_tables._LARGEST", 1.0)
+    worker = TableWorker(small_lab, (0.0,), folder=tmp_path)
+    worker.start()
+    assert worker.wait(60.0)
+    assert worker.error is None
+    assert worker.coarse is not None
+    assert worker.fine is None
 
 
 @pytest.mark.parametrize("keeps", [True, False])

@@ -82,7 +82,9 @@ from ciberrato.world.start_grid import GridPosition, StartGrid
             b'<Grid>\n\t<Position X="9" Y="3" Dir="-0"/>\n</Grid>\n\0',
         ),
         (
-            RobotStatus(name="<x>", robot_id=1, time=4, score=-5, x=1e-5, y=1234567.0, direction=math.inf),
+            RobotStatus(
+                name="<x>", robot_id=1, time=4, score=-5, x=1e-5, y=1234567.0, direction_deg=math.inf
+            ),
             b'<Robot Name="&lt;x&gt;" Id="1" Time="4" Score="4294967291" ArrivalTime="0" ReturningTime="0"'
             b' Collisions="0" Collision="False" VisitedMask="" State="Stopped">\n'
             b'\t<Position X="1e-05" Y="1.23457e+06" Dir="inf"/>\n</Robot>\n\0',

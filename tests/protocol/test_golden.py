@@ -86,7 +86,7 @@ def test_a_second_parser_reads_the_same_values_from_what_the_real_simulator_sent
             assert message.name == root.get("Name")
             assert message.state == root.get("State")
             assert message.score % 2**32 == int(root.get("Score"))
-            assert (message.x, message.y, message.direction) == tuple(
+            assert (message.x, message.y, message.direction_deg) == tuple(
                 float(v) for v in root.xpath("Position/@X | Position/@Y | Position/@Dir")
             )
     assert compared > 2000

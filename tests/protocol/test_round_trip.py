@@ -137,7 +137,7 @@ statuses = st.builds(
     state=st.sampled_from(["Stopped", "Running", "Waiting", "Returning", "Finished", "Removed"]),
     x=reals,
     y=reals,
-    direction=reals,
+    direction_deg=reals,
 )
 parameters = st.builds(
     Parameters,

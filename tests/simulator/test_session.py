@@ -139,7 +139,7 @@ def test_views_get_lab_and_grid_in_the_order_asked_and_then_the_status_of_every_
     assert isinstance(first, RobotStatus)
     assert isinstance(second, RobotStatus)
     assert (first.robot_id, first.name, first.state, first.x) == (1, "r1", "Stopped", 3.0)
-    assert (second.robot_id, second.direction) == (3, 225.0)
+    assert (second.robot_id, second.direction_deg) == (3, 225.0)
     assert kinds(other) == ["RobotStatus"] * 2
 
 

@@ -18,8 +18,10 @@ from ciberrato.world.lab import CELL_SIZE
 CLAIM_RADIUS = 0.5
 """Units: the probability of an estimate is that of all poses so near, and turned so little."""
 CLAIM_TURN = math.radians(10.0)
-CERTAIN = 0.95
-"""Probability from which on the pose counts as known."""
+CERTAIN = 0.99
+"""Probability from which on the pose counts as known; probabilities are calibrated."""
+LIKELY = 0.95
+"""Probability above which a pose, once known, is good enough to go on with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +52,11 @@ class PoseEstimate:
     def certain(self) -> bool:
         """Return whether the pose counts as known."""
         return self.probability > CERTAIN
+
+    @property
+    def likely(self) -> bool:
+        """Return whether the pose is good enough to go on with, if it was known before."""
+        return self.probability > LIKELY
 
     def moved_to(self, x: float, y: float, heading: float) -> PoseEstimate:
         """Return an estimate of another pose, with the same probability; the heading within ±π."""

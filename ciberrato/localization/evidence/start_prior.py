@@ -30,20 +30,20 @@ class StartPrior:
         Whether only the centres of cells are. Otherwise it is every free place, unless there is a `place`.
     place : (float, float) or None
         Units; known to about one square of the lattice.
-    heading : float or None
-        Degrees; with a place it is known to about one bin. None: any heading, or at centres four of them.
+    heading_deg : float or None
+        With a place it is known to about one bin. None: any heading, or at centres four of them.
     """
 
     __repr__ = short_repr
 
     centres: bool = False
     place: tuple[float, float] | None = None
-    heading: float | None = None
+    heading_deg: float | None = None
 
     @property
     def on_nodes(self) -> bool:
         """Return whether the poses are exactly those of states: cell centres, headings along the axes."""
-        return self.centres and math.remainder(self.heading or 0.0, 90.0) == 0.0
+        return self.centres and math.remainder(self.heading_deg or 0.0, 90.0) == 0.0
 
     def excludes(self, turn: Turn) -> bool:
         """Return whether what the lab looks like turned round does not matter, as the start is known.
@@ -53,7 +53,7 @@ class StartPrior:
         turn : Turn
             Turn of the lab under which it looks the same.
         """
-        if self.heading is not None:
+        if self.heading_deg is not None:
             return True
         if self.place is None:
             return False
@@ -89,12 +89,12 @@ def parse_start(text: str) -> StartPrior:
     if colon and kind == "centres":
         values = _numbers(rest)
         if values is not None and len(values) == 1:
-            return StartPrior(centres=True, heading=values[0])
+            return StartPrior(centres=True, heading_deg=values[0])
     elif not colon:
         values = _numbers(text)
         if values is not None and len(values) in (2, 3):
             heading = values[2] if len(values) == 3 else None
-            return StartPrior(place=(values[0], values[1]), heading=heading)
+            return StartPrior(place=(values[0], values[1]), heading_deg=heading)
     raise UsageError(f"{text!r} is not {FORMS}")
 
 
@@ -162,9 +162,9 @@ def begin_with(belief: PoseBelief, prior: StartPrior) -> None:
         If nothing is possible.
     """
     if prior.place is not None:
-        _begin_at(belief, prior.place, prior.heading)
+        _begin_at(belief, prior.place, prior.heading_deg)
     elif prior.centres:
-        _begin_at_centres(belief, prior.heading)
+        _begin_at_centres(belief, prior.heading_deg)
 
 
 def _begin_at_centres(belief: PoseBelief, heading: float | None) -> None:

@@ -45,6 +45,9 @@ class Contender(Protocol):
     def begin_at(self, wheels: Command, time: int | None) -> None:
         """Begin in the middle of a run."""
 
+    def doubt_motion(self) -> None:
+        """Trust no reading in full: commands act at unsure times."""
+
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
         """Process one message."""
 
@@ -69,6 +72,13 @@ class Challenge:
         self._score = score
         self._test: HypothesisTest | None = None
         self._waited = 0
+        self._doubtful = False
+
+    def doubt_motion(self) -> None:
+        """Let no challenger trust its first readings in full, either."""
+        self._doubtful = True
+        if self._test is not None:
+            self._test.challenger.doubt_motion()
 
     def end(self) -> None:
         """Send the challenger away: all poses are possible for the champion, too."""
@@ -109,6 +119,8 @@ class Challenge:
             self._waited = 0
             challenger = self._begin()
             challenger.begin_at(*before)
+            if self._doubtful:
+                challenger.doubt_motion()
             self._test = HypothesisTest(challenger, self._score)
         test = self._test
         test.challenger.observe(measures, command)

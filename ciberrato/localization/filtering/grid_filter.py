@@ -164,6 +164,12 @@ class GridFilter:
         """Begin in the middle of a run, with the last motion of the wheels and the last message's time."""
         self.alignment.begin_at(wheels, time)
 
+    def doubt_motion(self) -> None:
+        """Trust readings as little from now on as if some had been taken in; for commands of unsure time."""
+        self._tempering.doubt()
+        if self.challenge is not None:
+            self.challenge.doubt_motion()
+
     def observe(self, measures: Measures, command_in_effect: Command | None) -> None:
         """Process one message.
 
@@ -182,7 +188,7 @@ class GridFilter:
         self._images.begin_message()
         if self.gps is not None and measures.gps is not None and self.belief.dense is None:
             found = self.estimate()
-            if found.certain:
+            if found.likely:
                 self.gps.offset.learn(measures.gps, found.x, found.y)
         if self.challenge is not None:
             winner = self.challenge.observe(self, measures, command_in_effect, before)
@@ -214,7 +220,9 @@ class GridFilter:
         if self.map_fit is not None and step.motions and step.exponent > 0.0:
             misfit = self.stage.misfit(step)
             if misfit is not None:
-                self.map_fit.observe(misfit, step.exponent / self.stage.settings.exponent, step.time)
+                self.map_fit.observe(
+                    misfit, min(step.exponent / self.stage.settings.exponent, 1.0), step.time
+                )
         self.update(step, on_node=on_node)
         if self.refinement is not None:
             self.refinement.follow(step, min(step.exponent / self.stage.settings.exponent, 1.0))
@@ -232,6 +240,7 @@ class GridFilter:
 
     def _move_blindly(self, moment: Moment) -> None:
         """Move the belief by a gap in which the robot may have been stopped at any time."""
+        self._tempering.doubt()
         interruption = Interruption(moment.doubtful, collided=any(one.collision for one in moment.motions))
         belief = self.belief
         if moment.otherwise:
@@ -312,6 +321,7 @@ class GridFilter:
             )
         self.restarts.append(time)
         self.alarm.reset()
+        self._tempering.begin_anew()
         self.belief.set_uniform()
         if self.gps is not None:
             self.gps.begin_anew(self.belief)

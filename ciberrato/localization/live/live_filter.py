@@ -75,6 +75,8 @@ class LiveFilter:
         """The messages, each with the command that was in effect before it; of a long rest only some."""
         self.filter: GridFilter | None = None
         """None until there are tables."""
+        self.unsure = False
+        """Whether it is not known well when commands act: then no reading counts in full."""
         self._taken = 0
         self._rested = 0
         self.statistics = LiveStatistics()
@@ -193,6 +195,8 @@ class LiveFilter:
     def _feed(self, pose_filter: GridFilter, taken: int, end: float) -> int:
         while taken < len(self.history) and self._clock() < end:
             measures, command = self.history[taken]
+            if self.unsure:
+                pose_filter.doubt_motion()
             pose_filter.observe(measures, command)
             self.moments.take(pose_filter.belief, measures.time)
             taken += 1

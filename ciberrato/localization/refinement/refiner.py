@@ -75,7 +75,7 @@ class Refinement:
             With the probability that it had.
         """
         if self._cloud.size == 0:
-            if not found.certain or belief.dense is not None:
+            if not found.likely or belief.dense is not None:
                 return found
             self._begin(found, belief)
             if self._cloud.size == 0:

@@ -30,13 +30,14 @@ BINS = 72
 """Number of heading bins, 5 degrees each."""
 
 FINE, COARSE = 0.1, 2.0 / 9.0
-"""Units between nodes: where the lab is not too large; where it is, or until the fine tables are there."""
-_LARGEST = 30.0 * 30.0
-"""Units squared of a lab that the fine lattice can follow in every cycle of 50 ms from an unknown pose."""
+"""Units between nodes: while the belief is a list of few states; while it is not, or the lab is too large."""
+_LARGEST = 50.0 * 50.0
+"""Units squared of a lab with a fine lattice. The filter uses it only for a list of states, so a cycle costs
+the same in any lab; but its tables and room take up to 0.1 MB a square unit that is free."""
 
 
 def fine_resolution(lab: Lab) -> float:
-    """Return with which resolution a lab can be followed in every cycle.
+    """Return the finest resolution with which a lab is followed.
 
     Parameters
     ----------

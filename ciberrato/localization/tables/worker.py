@@ -71,6 +71,7 @@ class TableWorker:
         self.coarse: PoseTables | None = None
         """As soon as they are there."""
         self.fine: PoseTables | None = None
+        """Never there in a lab that is too large."""
         self.seconds: dict[str, float] = {}
         """Time from `start` until each part was there: ``coarse``, ``fine``, ``loops``."""
         self.megabytes = 0.0
@@ -138,13 +139,15 @@ class TableWorker:
 
     def _run(self) -> None:
         try:
-            from ciberrato.localization.tables.pose_tables import COARSE, FINE
+            from ciberrato.localization.tables.pose_tables import COARSE, fine_resolution
 
             coarse, fine = self._resolutions
             self.coarse = self._get("coarse", coarse or COARSE)
             self.seconds["coarse"] = time.monotonic() - self._began
-            self.fine = self._get("fine", fine or FINE)
-            self.seconds["fine"] = time.monotonic() - self._began
+            fine = fine or fine_resolution(self._lab)
+            if fine < (coarse or COARSE):
+                self.fine = self._get("fine", fine)
+                self.seconds["fine"] = time.monotonic() - self._began
         except BaseException as error:
             if not self._stopped:
                 self.error = error
@@ -240,7 +243,7 @@ class TableWorker:
         return self._process
 
     def _end_process(self) -> None:
-        """Let the process that computes end, if there is one, and wait for it."""
+        """End the process that computes, if there is one, when it has done what it was asked to."""
         process, self._process = self._process, None
         if process is not None:
             with contextlib.suppress(OSError):
