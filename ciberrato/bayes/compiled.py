@@ -1,14 +1,13 @@
 """Whether steps over large grids run in machine code (the extra `fast`), on all cores.
 
-`load` loads the loops of `ciberrato.bayes.loops`; a `ScanTable` or `TurnDriveTurn` over `LARGE` states or
-more does so by itself, if numba is there and `CIBERRATO_COMPILED` is not ``off``. Compiling takes some
-twenty seconds once, reading the loops from numba's cache half a second. Results differ from numpy's by
-rounding: each function that uses the loops says by how much, and tests hold it to that.
+`load` loads the loops of `ciberrato.bayes.loops`. A `ScanTable` or `TurnDriveTurn` over `LARGE` states or
+more does so by itself, for beliefs of that size, if numba is there and `CIBERRATO_COMPILED` is not ``off``.
+Compiling takes some twenty seconds once, reading the loops from numba's cache half a second. Results differ
+from numpy's by rounding: each function that uses the loops says by how much, and tests hold it to that.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -18,29 +17,37 @@ from typing import TypeVar
 
 from ciberrato.errors import UsageError
 from ciberrato.machine_code import VARIABLE, available, choice
+from ciberrato.system.process import processors
 
 LARGE = 1_000_000
 """Number of states from which the loops are loaded without being asked for."""
 LEAST_SHARE = 250_000
-"""Number of states for which another thread is worth its while."""
+"""Least number of states of a run of parts: for fewer, another thread is not worth its while."""
 
 _T = TypeVar("_T")
 _active: ModuleType | None = None
+_for_large: ModuleType | None = None
 
 
-def kernels() -> ModuleType | None:
-    """Return the compiled loops if they are loaded and in use."""
-    return _active
+def kernels(states: int) -> ModuleType | None:
+    """Return the compiled loops if so many states are to use them.
+
+    Parameters
+    ----------
+    states : int
+        Of the belief. What a small one gets does not depend on whether there was a large one before.
+    """
+    return _active or (_for_large if states >= LARGE else None)
 
 
 def use(module: ModuleType | None) -> None:
-    """Use these loops from now on, or, with None, those of numpy."""
-    global _active
-    _active = module
+    """Use these loops from now on, or, with None, those of numpy, for all sizes."""
+    global _active, _for_large
+    _active, _for_large = module, None
 
 
 def load() -> bool:
-    """Load the compiled loops, unless they are not wanted or not there.
+    """Load the compiled loops for beliefs of all sizes, unless they are not wanted or not there.
 
     Returns
     -------
@@ -52,27 +59,32 @@ def load() -> bool:
     UsageError
         If `CIBERRATO_COMPILED` is none of its values, or ``on`` and numba cannot be loaded.
     """
-    if choice() == "off" or not available():
-        return False
     if _active is None:
-        try:
-            from ciberrato.bayes import loops
-        except Exception as error:  # a numba that does not fit this Python or numpy, no memory
-            if choice() == "on":
-                raise UsageError(f"{VARIABLE}=on: {error}") from None
-            return False
-        use(loops)
-    return True
+        use(_loaded())
+    return _active is not None
 
 
 def load_for(states: int) -> None:
-    """Load the compiled loops if there are `LARGE` states or more."""
-    if states >= LARGE:
-        load()
+    """Load the compiled loops, for beliefs of `LARGE` states or more, if this is one."""
+    global _for_large
+    if states >= LARGE and _active is None:
+        _for_large = _loaded()
+
+
+def _loaded() -> ModuleType | None:
+    if choice() == "off" or not available():
+        return None
+    try:
+        from ciberrato.bayes import loops
+    except Exception as error:  # a numba that does not fit this Python or numpy, no memory
+        if choice() == "on":
+            raise UsageError(f"{VARIABLE}=on: {error}") from None
+        return None
+    return loops
 
 
 def share(work: Callable[[int, int], _T], parts: int, states: int) -> list[_T]:
-    """Call a function for runs of parts, in as many threads as there are cores.
+    """Call a function for runs of parts, in threads, as many at a time as there are cores.
 
     Parameters
     ----------
@@ -81,29 +93,26 @@ def share(work: Callable[[int, int], _T], parts: int, states: int) -> list[_T]:
     parts : int
         Number of parts.
     states : int
-        Number of states in all of them; each thread gets `LEAST_SHARE` or more.
+        Number of states in all of them; each run has `LEAST_SHARE` or more, if there are as many.
 
     Returns
     -------
     list
         Results in the order of the parts.
     """
-    threads = max(1, min(_cores(), states // LEAST_SHARE, parts))
-    ends = [parts * k // threads for k in range(threads + 1)]
-    if threads == 1:
-        return [work(0, parts)]
-    waiting = [_pool().submit(work, begin, end) for begin, end in pairwise(ends[1:])]
-    return [work(0, ends[1]), *(part.result() for part in waiting)]
+    # Their number does not depend on the cores, and so no sum over the parts does.
+    count = max(1, min(states // LEAST_SHARE, parts))
+    ends = [parts * k // count for k in range(count + 1)]
+    if count == 1 or _cores() == 1:
+        return [work(begin, end) for begin, end in pairwise(ends)]
+    return list(_pool().map(work, ends[:-1], ends[1:]))
 
 
 @cache
 def _cores() -> int:
-    """Return how many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return processors()
 
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max(1, _cores() - 1), "ciberrato-bayes")
+    return ThreadPoolExecutor(_cores(), "ciberrato-bayes")

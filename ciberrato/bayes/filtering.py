@@ -123,7 +123,7 @@ def update(
         )
     if belief.dtype == np.float32:
         return update_single(belief, log_likelihood, on_impossible, out)
-    if compiled.kernels() is not None and belief.size:
+    if belief.size and compiled.kernels(belief.size) is not None:
         result = _update_compiled(belief, log_likelihood, out)
         if result is not None:
             return result
@@ -162,7 +162,7 @@ def update(
 
 def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
     """Return what `update` does, by machine code; None where it is not plain that it can."""
-    loops: Any = compiled.kernels()
+    loops: Any = compiled.kernels(belief.size)
     best = float(np.maximum.reduce(log_likelihood, axis=None))
     flat, scores = np.ascontiguousarray(belief).ravel(), np.ascontiguousarray(log_likelihood).ravel()
     if not -math.inf < best < math.inf:

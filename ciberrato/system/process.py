@@ -62,12 +62,14 @@ def idle_seconds() -> float | None:
     float or None
         Seconds, added up, to a hundredth; None on systems that do not tell (all but Linux).
     """
+    if not hasattr(os, "sched_getaffinity"):
+        return None
     try:
         allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
         with open("/proc/stat", encoding="ascii") as file:
             lines = [line.split() for line in file if line.startswith("cpu")]
         return sum(int(line[4]) for line in lines if line[0] in allowed) / float(os.sysconf("SC_CLK_TCK"))
-    except (AttributeError, OSError, ValueError, IndexError):
+    except (OSError, ValueError, IndexError):
         return None
 
 

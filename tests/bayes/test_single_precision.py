@@ -13,7 +13,7 @@ BEAM = museum.BEAM.beam_log_likelihood
 
 @pytest.fixture(params=["numpy", "numba"])
 def loops(request):
-    before = compiled.kernels()
+    before = compiled.kernels(1)
     compiled.use(None)
     if request.param == "numba":
         pytest.importorskip("numba")

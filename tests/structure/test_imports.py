@@ -35,7 +35,7 @@ LIBRARY = {
     "labs": {"errors"},
     "geometry": WORLD,
     "physics": WORLD | {"geometry"},
-    "bayes": {"errors", "machine_code", "reprs"},
+    "bayes": {"errors", "machine_code", "reprs", "system"},
     "infrared": SHAPES | {"bayes"},
     "protocol": WORLD,
     "files": WORLD | {"geometry", "protocol", "system"},

@@ -6,6 +6,7 @@ second drives and turns again, row by row. A turn's matrix is mostly zeros, whic
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -41,7 +42,7 @@ def predict_compiled(
     kernels : LatticeKernels
         One for each heading.
     """
-    loops: Any = compiled.kernels()
+    loops: Any = compiled.kernels(math.prod(shape))
     values: FloatArray = np.ascontiguousarray(floats(belief))
     rows, columns, headings = shape
     if values.shape != tuple(shape):

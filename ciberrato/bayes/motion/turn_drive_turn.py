@@ -124,7 +124,7 @@ class TurnDriveTurn:
         steps = round(control.rot1 * parts / width)
         left = control.rot1 - steps * width / parts
         truncated = math.erfc((self.window if cut is None else cut) / math.sqrt(2.0))
-        if compiled.kernels() is not None and parts == 1 and self.skip_below == 0.0:
+        if compiled.kernels(self.space.size) is not None and parts == 1 and self.skip_below == 0.0:
             turns = (steps, rot1 / width), ((control.rot2 + left) / width, rot2 / width)
             return Prediction(
                 predict_compiled(

@@ -46,7 +46,7 @@ class ScanLikelihood:
 
     def __call__(self, states: IntArray | None = None) -> NDArray[np.float32]:
         """Return it for states with these numbers, shape (n,); for all, shape of the space, if None."""
-        if compiled.kernels() is not None:
+        if compiled.kernels(self.table.space.size) is not None:
             return self.table._compiled(states, self.worth)
         if states is None:
             return self.table._of_all(self.worth)
@@ -233,7 +233,7 @@ class ScanTable:
 
     def _compiled(self, states: IntArray | None, worth: FloatArray) -> NDArray[np.float32]:
         """Return the log likelihood of all states or some, by machine code."""
-        loops: Any = compiled.kernels()
+        loops: Any = compiled.kernels(self.space.size)
         if self._by_place is None:
             self._by_place = np.ascontiguousarray(self._codes.T)
         beams, headings = len(worth), len(self._codes)
