@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.measure import Row, best_time
+from benchmarks.measure import Row, absent, best_time
+from ciberrato.bayes import compiled
 from ciberrato.bayes.filtering import update
 from ciberrato.bayes.motion.odometry import GaussianOdometry, OdometryNoise, OdometryReading
 from ciberrato.bayes.motion.turn_drive_turn import TurnDriveTurn
@@ -194,6 +195,8 @@ def museum_grid() -> Iterator[Row]:
     def look() -> np.ndarray:
         return hall.table.log_likelihood(scan, museum.BEAM.beam_log_likelihood, weight=museum.WEIGHT)
 
+    fast_loops, plain = compiled.kernels(), None
+    compiled.use(plain)
     scores = look()
     # A beam model by plain loops, for a few states.
     places = np.argwhere(hall.free)[::3000]
@@ -222,21 +225,38 @@ def museum_grid() -> Iterator[Row]:
         ),
         "ours, update": (lambda: update(belief, scores), 2 * size + scores.nbytes, 3 * size),
     }
-    whole = 0.0
-    for who, (work, moved, held) in parts.items():
-        seconds = best_time(work, budget=3.0, repeats=4)
-        whole += seconds
-        yield Row(group=group, who=who, ours=True, seconds=seconds, megabytes=held / 1e6, moved=float(moved))
-    yield Row(
-        group=group,
-        who="ours, all three",
-        ours=True,
-        seconds=whole,
-        target=1.0,
-        moved=float(sum(p[1] for p in parts.values())),
-        megabytes=(5 * size + hall.table.nbytes) / 1e6,
-        note=f"the table of ranges is made once, in {built:.1f} s",
-    )
+    other = np.empty_like(belief)
+    copying = best_time(lambda: np.copyto(other, belief))
+    yield Row(group=group, who="a belief read and written once", seconds=copying, moved=2.0 * size)
+    for loops, name in ((plain, ""), (fast_loops, ", machine code")):
+        if loops is None and name:
+            yield from absent(group, f"ours{name}", "numba")
+            continue
+        compiled.use(loops)
+        whole = 0.0
+        for who, (work, moved, held) in parts.items():
+            seconds = best_time(work, budget=3.0, repeats=4)
+            whole += seconds
+            yield Row(
+                group=group,
+                who=who + name,
+                ours=True,
+                seconds=seconds,
+                megabytes=held / 1e6,
+                moved=float(moved),
+                note=f"{seconds / copying:.1f} times read and written",
+            )
+        yield Row(
+            group=group,
+            who=f"ours, all three{name}",
+            ours=True,
+            seconds=whole,
+            target=(5.0 if name else 20.0) * copying,
+            moved=float(sum(p[1] for p in parts.values())),
+            megabytes=(5 * size + hall.table.nbytes) / 1e6,
+            note=f"{whole / copying:.1f} times read and written; the table is made once, in {built:.1f} s",
+        )
+    compiled.use(fast_loops)
 
 
 def rows() -> Iterator[Row]:

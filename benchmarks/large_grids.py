@@ -1,12 +1,13 @@
-"""Time and memory of a step of the museum's filter, over all states and selectively, 10^4 to 10^7 states.
+"""Time and memory of a step of the museum's filter, over all states and selectively, 10^4 to 10^8 states.
 
 ``python -m benchmarks.large_grids [FIGURE.png]`` prints the table and draws it. Times are those of one
 processor core (CPU time of the thread, the least of several), so that other programs count little; memory is
-what a step allocates at its peak, and what the belief takes.
+what a step allocates at its peak. The largest grid is computed in machine code and single precision only.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
@@ -19,23 +20,23 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ciberrato.bayes import SelectiveFilter
+from ciberrato.bayes import SelectiveFilter, compiled
 from ciberrato.bayes.filtering import update
 from examples import museum
 
 GRIDS = ((0.8, 12), (0.4, 24), (0.4, 90), (0.2, 90), (0.2, 180), (0.2, 360))
+LARGEST = (0.1, 720)
 STOPS = 14
+DOUBLE, SINGLE = "machine code", "machine code, float32"
 
 
 class Size(NamedTuple):
-    """One grid: states, those active, and of a step CPU seconds and bytes, dense and selective."""
+    """One grid: states, those active, and of a step CPU seconds and bytes, by way of computing."""
 
     states: int
     active: int
-    dense: float
-    selective: float
-    dense_bytes: int
-    selective_bytes: int
+    seconds: dict[str, float]
+    held: dict[str, int]
     distance: float
 
 
@@ -61,6 +62,7 @@ def peak(work: Callable[[], Any]) -> int:
 def measure(cell: float, headings: int) -> Size:
     """Follow the tour from a start known to a metre; measure the last step."""
     hall = museum.build(cell, headings)
+    compiled.use(None)
     tour = museum.visit(hall, 1)
     x, y = (axis.centres - pose for axis, pose in zip(hall.space.axes, tour.truth[0, :2], strict=False))
     heading = hall.space.axes[2].difference(hall.space.axes[2].centres, tour.truth[0, 2])
@@ -94,23 +96,62 @@ def measure(cell: float, headings: int) -> Size:
     distance = 0.5 * float(np.abs(following.belief - result).sum())
     following = SelectiveFilter(before, hall.motion)
     taken = peak(selective)
-    return Size(hall.space.size, active, slow, fast, peak(dense), taken, distance)
+    seconds, held = {"numpy": slow, "selective": fast}, {"numpy": peak(dense), "selective": taken}
+    add_machine_code(hall, tour, before, seconds, held)
+    return Size(hall.space.size, active, seconds, held, distance)
+
+
+def add_machine_code(
+    hall: museum.Museum,
+    tour: museum.Tour,
+    belief: np.ndarray,
+    seconds: dict[str, float],
+    held: dict[str, int],
+) -> None:
+    """Measure the last step in machine code, in the precisions that the belief can have; one core."""
+    if not compiled.load():
+        return
+    for name, kind in ((DOUBLE, np.float64), (SINGLE, np.float32)):
+        if belief.dtype == np.float32 and kind == np.float64:
+            continue
+        now = belief.astype(kind, copy=False)
+
+        def step(now: np.ndarray = now) -> None:
+            predicted = hall.motion.predict(now, tour.controls[STOPS - 1])
+            scores = hall.table.log_likelihood(
+                tour.scans[STOPS], museum.BEAM.beam_log_likelihood, weight=museum.WEIGHT
+            )
+            update(predicted, scores, out=predicted)
+
+        step()
+        seconds[name], held[name] = cpu_time(step, 3), peak(step)
+    compiled.use(None)
+
+
+def measure_largest(cell: float, headings: int) -> Size:
+    """Measure a step from all free places alike, in machine code and single precision."""
+    hall = museum.build(cell, headings)
+    belief = np.repeat(hall.free[:, :, np.newaxis].astype(np.float32), headings, axis=2)
+    belief /= np.float32(belief.sum(dtype=float))
+    seconds: dict[str, float] = {}
+    held: dict[str, int] = {}
+    add_machine_code(hall, museum.visit(hall, 1), belief, seconds, held)
+    return Size(hall.space.size, hall.space.size, seconds, held, math.nan)
 
 
 def main() -> None:
     """Print the table; draw it where a path is told."""
-    print("  states  active  share | dense/ms  selective/ms  ratio | dense/MB  selective/MB | distance")
+    compiled._cores = lambda: 1  # type: ignore[assignment]  # times are of one core
+    print("CPU time of a step / ms, memory allocated in it / MB")
     sizes = []
-    for cell, headings in GRIDS:
-        size = measure(cell, headings)
+    for grid in (*GRIDS, LARGEST):
+        size = measure_largest(*grid) if grid == LARGEST else measure(*grid)
         sizes.append(size)
-        print(
-            f"{size.states:>9,} {size.active:>6,} {100 * size.active / size.states:5.2f} % |"
-            f" {1e3 * size.dense:8.2f} {1e3 * size.selective:13.2f}"
-            f" {100 * size.selective / size.dense:6.2f} % |"
-            f" {size.dense_bytes / 1e6:8.1f} {size.selective_bytes / 1e6:13.2f} | {size.distance:.0e}",
-            flush=True,
+        told = " | ".join(
+            f"{name} {1e3 * seconds:.2f} ms {size.held[name] / 1e6:.1f} MB"
+            for name, seconds in size.seconds.items()
         )
+        print(f"{size.states:,} states, {size.active:,} active: {told}; {size.distance:.0e}", flush=True)
     if len(sys.argv) > 1:
         draw(sizes, Path(sys.argv[1]))
 
@@ -120,13 +161,14 @@ def draw(sizes: list[Size], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    states = [size.states for size in sizes]
-    for axis, (dense, selective), scale, label in (
-        (axes[0], ("dense", "selective"), 1e3, "CPU time of a step / ms"),
-        (axes[1], ("dense_bytes", "selective_bytes"), 1e-6, "memory allocated in a step / MB"),
+    for axis, field, scale, label in (
+        (axes[0], "seconds", 1e3, "CPU time of a step / ms"),
+        (axes[1], "held", 1e-6, "memory allocated in a step / MB"),
     ):
-        axis.loglog(states, [scale * getattr(size, dense) for size in sizes], "o-", label="all states")
-        axis.loglog(states, [scale * getattr(size, selective) for size in sizes], "s-", label="selective")
+        for name, mark in (("numpy", "o-"), (DOUBLE, "^-"), (SINGLE, "v-"), ("selective", "s-")):
+            known = [size for size in sizes if name in size.seconds]
+            values = [scale * getattr(size, field)[name] for size in known]
+            axis.loglog([size.states for size in known], values, mark, label=name)
         axis.set(xlabel="states", ylabel=label)
         axis.grid(True, which="major", alpha=0.3)
         axis.legend()

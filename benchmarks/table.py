@@ -23,6 +23,7 @@ MODULES = (
     "bayes_poses",
     "agent_timing",
     "agent_live",
+    "pose_tables",
     "simulator_speed",
     "gym_speed",
     "simulator_lockstep",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 
 _UNSEEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 # Joiners make letters and emoji of several signs into one: they hide nothing.
 _JOINERS = "\u200c\u200d"
 UNSEEN_SIGN = "\ufffd"
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def plain(text: str, most: int | None = None) -> str:
@@ -31,3 +33,13 @@ def plain(text: str, most: int | None = None) -> str:
     if most is None or len(shown) <= most:
         return shown
     return shown[: most - 1].rstrip() + "…"
+
+
+def plain_lines(text: str) -> str:
+    """Return `plain` of every line; line ends stay, as line feeds."""
+    return "\n".join(map(plain, text.replace("\r\n", "\n").split("\n")))
+
+
+def xml_text(text: str) -> str:
+    """Return `plain_lines` of a text for XML 1.0: characters that XML cannot hold are U+FFFD, too."""
+    return _NOT_XML.sub(UNSEEN_SIGN, plain_lines(text))

@@ -17,6 +17,13 @@ from numpy.typing import ArrayLike
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 
 
+def floats(values: ArrayLike) -> FloatArray:
+    """Return values as an array of doubles; of single precision if they are an array of that."""
+    if isinstance(values, np.ndarray) and values.dtype == np.float32:
+        return values
+    return np.asarray(values, dtype=float)
+
+
 def where(wrong: BoolArray) -> str:
     """Return the index of the first True, as in "3" or "(3, 0)", and how many more there are."""
     index = tuple(int(i) for i in np.argwhere(wrong)[0])
@@ -31,6 +38,7 @@ def belief_array(
     what: str = "belief",
     shape: tuple[int, ...] | None = None,
     massless: bool = False,
+    single: bool = False,
 ) -> FloatArray:
     """Return a belief as an array of floats, or say why it is none.
 
@@ -44,6 +52,8 @@ def belief_array(
         Required shape.
     massless : bool
         Whether all entries may be zero, as after a prediction that lost everything.
+    single : bool
+        Whether an array of single precision stays one.
 
     Returns
     -------
@@ -54,7 +64,7 @@ def belief_array(
     ValueError
         If an entry is nan, infinite or negative, none is positive, there is no cell, or the shape is wrong.
     """
-    values: FloatArray = np.asarray(belief, dtype=float)
+    values = floats(belief) if single else np.asarray(belief, dtype=float)
     if shape is not None and values.shape != shape:
         raise ValueError(f"the {what} has shape {values.shape}, and must have {shape}")
     if not values.size:

@@ -14,8 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import FloatArray
-from ciberrato.bayes.checks import belief_array, belief_bounds, log_likelihood_array, refuse_log_likelihood
+from ciberrato.bayes.checks import (
+    belief_array,
+    belief_bounds,
+    floats,
+    log_likelihood_array,
+    refuse_log_likelihood,
+)
 from ciberrato.bayes.recovery import POLICIES, ImpossiblePolicy, recover
 from ciberrato.reprs import short_repr
 
@@ -27,6 +34,12 @@ _FAR = -600.0
 # The smallest number that has all its digits, and a belief that exp(_FAR) does not take below it.
 _LEAST, _LOG_LEAST, _SMALL = 2.2250738585072014e-308, -708.3964185322641, 1e-46
 _FEW = 4096
+# In single precision: likelihoods are followed down to this many nats, products to the smallest number with
+# all its digits, and a sum of products that is less is left to double precision.
+_FAR_SINGLE, _LEAST_SINGLE, _LEAST_TOTAL = np.float32(-87.0), np.float32(1.1754944e-38), 1e-12
+_PIECE = 32768
+# Sums up to this, of products down to the least one that the machine code does not report: all scale safely.
+_PLAIN_TOTAL, _PLAIN_LEAST = 1e7, 1e-300
 
 
 class _Pair(NamedTuple):
@@ -73,6 +86,8 @@ def update(
 
     Works for likelihoods far below the smallest float: only their ratios count. -inf means impossible. Every
     state whose posterior probability a double can hold gets it; the others are counted in `Update.lost`.
+    In machine code (`ciberrato.bayes.compiled`) each posterior is the same to 1e-14 of it, or to 1e-12 where
+    it is below 1e-300.
 
     Parameters
     ----------
@@ -86,6 +101,8 @@ def update(
     out : FloatArray, optional
         Array for the posterior; may be `belief` or `log_likelihood` itself.
 
+    A belief that is an array of float32 gets a posterior of float32; see `update_single`.
+
     Returns
     -------
     Update
@@ -98,12 +115,18 @@ def update(
     ValueError
         If shapes differ, the belief is negative or not finite, or a likelihood is nan or infinite.
     """
-    belief = np.asarray(belief, dtype=float)
+    belief = floats(belief)
     log_likelihood = log_likelihood_array(log_likelihood, belief.shape)
     if on_impossible not in POLICIES:
         raise ValueError(
             f"no policy {on_impossible!r} for impossible readings; choose one of {', '.join(POLICIES)}"
         )
+    if belief.dtype == np.float32:
+        return update_single(belief, log_likelihood, on_impossible, out)
+    if compiled.kernels() is not None and belief.size:
+        result = _update_compiled(belief, log_likelihood, out)
+        if result is not None:
+            return result
     least, most = belief_bounds(belief, massless=True)
     lowest = float(np.minimum.reduce(log_likelihood, axis=None, initial=np.inf))
     best = float(np.maximum.reduce(log_likelihood, axis=None, initial=-np.inf))
@@ -135,6 +158,70 @@ def update(
         np.multiply(weights, log_likelihood >= best + _FAR, out=weights)
     lost = _finish(weights, total, belief, log_likelihood, most, log_evidence)
     return Update.of(_written(weights, out), log_evidence, lost)
+
+
+def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
+    """Return what `update` does, by machine code; None where it is not plain that it can."""
+    loops: Any = compiled.kernels()
+    best = float(np.maximum.reduce(log_likelihood, axis=None))
+    flat, scores = np.ascontiguousarray(belief).ravel(), np.ascontiguousarray(log_likelihood).ravel()
+    if not -math.inf < best < math.inf:
+        return None
+    weights = np.empty(belief.shape)
+    products = weights.ravel()
+    greatest = 1e300 / flat.size
+    parts = compiled.share(
+        lambda begin, end: loops.products(
+            flat, scores, best, _FAR, _PLAIN_LEAST, greatest, products, begin, end
+        ),
+        flat.size,
+        flat.size,
+    )
+    total = math.fsum(part[0] for part in parts)
+    if any(part[2] for part in parts) or not _SAFE_TOTAL < total < _PLAIN_TOTAL:
+        return None
+    log_evidence = best + math.log(total)
+    if any(part[1] for part in parts):
+        lost = _finish(weights, total, belief, log_likelihood, float(belief.max()), log_evidence)
+        return Update.of(_written(weights, out), log_evidence, lost)
+    compiled.share(lambda begin, end: loops.scale(products, 1.0 / total, begin, end), flat.size, flat.size)
+    return Update(_written(weights, out), log_evidence)
+
+
+def update_single(
+    belief: FloatArray, log_likelihood: FloatArray, policy: ImpossiblePolicy, out: FloatArray | None
+) -> Update:
+    """Correct a belief of single precision: `update` for arrays of float32.
+
+    Posteriors of 1e-25 or more are right to 1e-5 of each (likelihoods are taken down to 87 nats below the
+    best, to single precision), smaller ones are that or zero. What single precision cannot decide, because
+    the best states hold next to nothing, is worked out in double precision.
+    """
+    best = float(np.maximum.reduce(log_likelihood, axis=None, initial=-np.inf))
+    if not best < math.inf:
+        refuse_log_likelihood(log_likelihood)
+    belief_bounds(belief, massless=True)
+    weights: FloatArray = np.empty(belief.shape, dtype=np.float32)
+    flat, held, scores = weights.ravel(), np.ravel(belief), np.ravel(log_likelihood)
+    total, lost = 0.0, 0
+    for begin in range(0, flat.size if best > -math.inf else 0, _PIECE):
+        piece = slice(begin, begin + _PIECE)
+        part, old, score = flat[piece], held[piece], scores[piece]
+        np.subtract(score, best, out=part, dtype=scores.dtype, casting="same_kind")
+        far = part < _FAR_SINGLE
+        part[far] = _FAR_SINGLE
+        np.exp(part, out=part)
+        np.multiply(part, old, out=part)
+        far |= part < _LEAST_SINGLE
+        if far.any():
+            part[far] = 0.0
+            lost += int(np.count_nonzero((old[far] > 0.0) & (score[far] > -np.inf)))
+        total += float(part.sum())
+    if not _LEAST_TOTAL < total < 1e30:
+        exact = update(belief.astype(float), log_likelihood, on_impossible=policy)
+        return Update.of(_written(exact.posterior.astype(np.float32), out), exact.log_evidence, exact.lost)
+    np.multiply(weights, np.float32(1.0 / total), out=weights)
+    return Update.of(_written(weights, out), best + math.log(total), lost)
 
 
 def _finish(
@@ -265,11 +352,15 @@ def predict(transition: Callable[[FloatArray, Any], FloatArray], belief: ArrayLi
         If the belief is none, or what the motion model makes of it is none (nan, infinite, negative, another
         shape).
     """
-    before = belief_array(belief, massless=True)
+    before = belief_array(belief, massless=True, single=True)
     predicted = belief_array(
-        transition(before, control), what="motion model's result", shape=before.shape, massless=True
-    )
-    kept = float(predicted.sum())
+        transition(before, control),
+        what="motion model's result",
+        shape=before.shape,
+        massless=True,
+        single=before.dtype == np.float32,
+    ).astype(before.dtype, copy=False)
+    kept = float(predicted.sum(dtype=np.float64))
     if kept <= 0.0:
         return Update(predicted, -math.inf)
-    return Update(predicted / kept, math.log(kept))
+    return Update(np.divide(predicted, kept, dtype=predicted.dtype), math.log(kept))

@@ -123,9 +123,9 @@ def _run(options: argparse.Namespace) -> int:
     if evaluation.failures:
         first = evaluation.failures[0]
         number = len(evaluation.failures)
+        which = f"{first.task.lab}, {first.task.drive}, seed {first.task.seed}: {first.error}"
         print(
-            f"{PROGRAM}: {number} of {number + len(evaluation.results)} runs failed; {first.task.lab}, "
-            f"{first.task.drive}, seed {first.task.seed}: {first.error}",
+            f"{PROGRAM}: {number} of {number + len(evaluation.results)} runs failed; {plain(which)}",
             file=sys.stderr,
         )
         return 1

@@ -14,7 +14,8 @@ import numpy as np
 
 from ciberrato.arrays import Floats
 from ciberrato.evaluation.attempt import Result
-from ciberrato.evaluation.report import aligned, group_by, quantile, times_to_localize
+from ciberrato.evaluation.report import MOST_NAME, aligned, group_by, quantile, times_to_localize
+from ciberrato.plaintext import plain
 
 SLOW_HALF, SLOW_MOST = 60.0, 150.0
 """Cycles until half and until 90 % of the runs know their pose, above which a drive is slow."""
@@ -40,6 +41,7 @@ def compare(results: Sequence[Result], one: str, other: str, fields: Sequence[st
         A table, a line for every group that has runs of both, then what they come to.
     """
     pairs = _pairs(results, one, other, fields)
+    one, other = plain(one, MOST_NAME), plain(other, MOST_NAME)
     if not pairs:
         return f"no group has runs of both {one} and {other}"
     rows = [
@@ -85,10 +87,12 @@ def is_slow(results: Sequence[Result]) -> bool:
 
 
 def _pairs(results: Sequence[Result], one: str, other: str, fields: Sequence[str]) -> Pairs:
-    first, second = (
-        group_by([r for r in results if r.task.drive == drive], *fields) for drive in (one, other)
-    )
-    return {key: (first[key], second[key]) for key in first if key in second}
+    groups = group_by([r for r in results if r.task.drive in (one, other)], *fields)
+    pairs = {
+        key: ([r for r in group if r.task.drive == one], [r for r in group if r.task.drive == other])
+        for key, group in groups.items()
+    }
+    return {key: pair for key, pair in pairs.items() if all(pair)}
 
 
 def _by_other_half(pairs: Pairs) -> Pairs:

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 
 from ciberrato import plot
 from ciberrato.evaluation.attempt import Result
-from ciberrato.evaluation.report import group_by, times_to_localize
+from ciberrato.evaluation.report import MOST_NAME, distinct_names, group_by, times_to_localize
 from ciberrato.evaluation.task import TRUTH_PERIOD
 from ciberrato.plaintext import plain
+from ciberrato.plot.canvas import legend_text, set_title
 
 _MOST_COLUMNS = 4
 _MOST_PANELS = 16
@@ -51,6 +52,8 @@ def draw_figures(results: Sequence[Result], fields: Sequence[str], folder: Path)
 
     folder.mkdir(parents=True, exist_ok=True)
     panels, lines = _panels(results, fields)
+    labels = distinct_names(lines, legend_text)
+    titles = distinct_names(panels, lambda name: plain(name, MOST_NAME))
     written = []
     for wanted in _FIGURES:
         columns = min(len(panels), _MOST_COLUMNS)
@@ -67,8 +70,8 @@ def draw_figures(results: Sequence[Result], fields: Sequence[str], folder: Path)
         )
         for axes, (name, groups) in zip(grid.flat, panels.items(), strict=False):
             for line, group in groups.items():
-                wanted.draw(axes, line, group, lines.index(line))
-            axes.set_title(plain(name, 40).replace("$", r"\$"), fontsize="medium")
+                wanted.draw(axes, labels[line], group, lines.index(line))
+            set_title(axes, titles[name], size="medium")
             axes.grid(alpha=0.3)
         for number, axes in enumerate(grid.flat):
             axes.set_visible(number < len(panels))
@@ -78,9 +81,9 @@ def draw_figures(results: Sequence[Result], fields: Sequence[str], folder: Path)
                 axes.xaxis.set_tick_params(labelbottom=True)
         figure.suptitle(f"{wanted.title} ({len(results)} runs)")
         figure.supylabel(wanted.y_label)
-        handles, labels = _legend(grid)
-        if labels:
-            figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 6))
+        handles, shown = _legend(grid)
+        if shown:
+            figure.legend(handles, shown, loc="outside lower center", ncols=min(len(shown), 6))
         path = folder / f"{wanted.name}.png"
         figure.savefig(path, dpi=120)
         pyplot.close(figure)
@@ -96,10 +99,10 @@ def _panels(
     if "drive" not in fields or len(group_by(results, *others)) > _MOST_PANELS:
         groups = {" ".join(key): group for key, group in group_by(results, *fields).items()}
         return {"": groups}, list(groups)
-    panels = {
-        " ".join(key) if others else "": {line: group for (line,), group in group_by(panel, "drive").items()}
-        for key, panel in group_by(results, *others).items()
-    }
+    panels: dict[str, dict[str, list[Result]]] = {}
+    for (line, *key), group in group_by(results, "drive", *others).items():
+        panels.setdefault(" ".join(key), {})[line] = group
+    panels = dict(sorted(panels.items()))
     return panels, sorted({line for groups in panels.values() for line in groups})
 
 

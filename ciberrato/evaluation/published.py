@@ -21,7 +21,7 @@ from agent.offline.expected_readings import ExpectedReadings, compute_expected_r
 from agent.offline.localizer import localize
 from ciberrato.arrays import Floats
 from ciberrato.evaluation.episode import RIGHT_ANGLES, lab_of, tables_of
-from ciberrato.evaluation.report import aligned
+from ciberrato.evaluation.report import MOST_NAME, aligned
 from ciberrato.files.parameters import read_parameters
 from ciberrato.files.run_records import RunHeader
 from ciberrato.infrared.model import cell_centres
@@ -29,6 +29,7 @@ from ciberrato.labs import find_parameters
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.pose_tables import COARSE
+from ciberrato.plaintext import plain
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.reprs import short_repr
 from ciberrato.system.process import processors
@@ -221,7 +222,7 @@ def published_table(compared: Sequence[Compared]) -> str:
         ]
     ]
     for one in compared:
-        name = "/".join(one.task.lab.removesuffix(".xml").split("/")[-2:])
+        name = plain("/".join(one.task.lab.removesuffix(".xml").split("/")[-2:]), MOST_NAME)
         if not one.runs:
             rows.append([name, "0", "0", *["-"] * 7, "no way to drive"])
             continue
@@ -239,7 +240,7 @@ def published_table(compared: Sequence[Compared]) -> str:
     driven = [one for one in compared if one.runs]
     steps = [step for one in compared for step in one.steps]
     losses = [
-        -np.mean([math.log2(max(getattr(step, who)[0], 1e-12)) for step in steps])
+        -sum(math.log2(max(getattr(step, who)[0], 1e-12)) for step in steps) / max(len(steps), 1)
         for who in ("published", "ours")
     ]
     return "\n".join(

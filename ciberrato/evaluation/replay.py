@@ -23,7 +23,7 @@ import numpy as np
 from agent.offline.summary import cell_name, peak
 from ciberrato.arrays import Floats
 from ciberrato.errors import LabError
-from ciberrato.evaluation.report import aligned
+from ciberrato.evaluation.report import MOST_NAME, aligned
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.truth import read_truth
 from ciberrato.geometry.angles import short_turn
@@ -32,6 +32,7 @@ from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.cache import cached_tables
 from ciberrato.localization.tables.pose_tables import COARSE, FINE
 from ciberrato.physics.kinematics import STANDSTILL, Command, filter_wheels
+from ciberrato.plaintext import plain
 from ciberrato.protocol import (
     Acceptance,
     Measures,
@@ -319,7 +320,7 @@ def replay_table(found: Replay) -> str:
         rows.append([str(first) if first == last else f"{first}-{last}", *row])
     return "\n".join(
         [
-            f"{found.name}: the robot was in {found.cells} cells, one after the other.",
+            f"{plain(found.name, MOST_NAME)}: the robot was in {found.cells} cells, one after the other.",
             f"The original wrote {found.blocks[1]} blocks: {_tally(found.moments, 'theirs')}.",
             f"Ours has {found.blocks[0]} blocks (the prior, one a cell, by the whole run); at those times: "
             f"{_tally(found.moments, 'ours')}.",
@@ -363,14 +364,14 @@ def draw_replay(found: Replay, lab: Lab, path: Path) -> None:
     """
     from agent.views.figures.canvas import save_figure
     from ciberrato import plot
-    from ciberrato.plot.canvas import TRUE_COLOUR, new_figure
+    from ciberrato.plot.canvas import TRUE_COLOUR, new_figure, set_title
 
     moments = found.moments[:_MOST_BLOCKS]
     rows = max(-(-len(moments) // 2), 1)
     figure = new_figure(12.0, 3.4 + 2.0 * rows)
     top, below = figure.subfigures(2, 1, height_ratios=(3.2, 2.0 * rows + 0.2))
     axes = plot.track(found.path, top.subplots(), lab=lab, colour=TRUE_COLOUR)
-    axes.set_title(f"{found.name}: where the robot really drove")
+    set_title(axes, f"{plain(found.name, MOST_NAME)}: where the robot really drove", size="large")
     panels = list(below.subplots(rows, 4, squeeze=False).flat)
     nothing = np.full((lab.rows, lab.columns), np.nan)
     for axis in panels:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any
@@ -16,8 +16,9 @@ from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, Outcome
 from ciberrato.plaintext import plain
 
 WIDTH = 100
-_MOST_NAME = 40
 """Characters of a table's lines."""
+MOST_NAME = 40
+"""Characters of the name of a lab, a drive or a filter that are shown."""
 SMALL_ROOM = 12.0
 """Units squared: who starts in a closed room no larger may never learn which of its like it is."""
 
@@ -55,21 +56,54 @@ def group_by(results: Sequence[Result], *fields: str) -> dict[tuple[str, ...], l
     Returns
     -------
     dict of tuple of str to list of Result
-        Sorted; with no fields, all results are one group ``("all",)``.
+        Sorted; with no fields, all results are one group ``("all",)``. The keys are names to be shown: short,
+        without unseen characters, and different where the values are.
     """
+    names = [
+        distinct_names(
+            {getattr(r.task, field) for r in results},
+            lambda value, field=field: plain(_short(value, field), MOST_NAME),
+        )
+        for field in fields
+    ]
     groups: dict[tuple[str, ...], list[Result]] = {}
     for result in results:
-        key = tuple(_short(getattr(result.task, field), field) for field in fields) or ("all",)
+        values = (getattr(result.task, field) for field in fields)
+        key = tuple(known[value] for known, value in zip(names, values, strict=True)) or ("all",)
         groups.setdefault(key, []).append(result)
     return dict(sorted(groups.items()))
+
+
+def distinct_names(values: Iterable[Any], short: Callable[[Any], str]) -> dict[Any, str]:
+    """Name values, each differently: of those with one short name, all but the first get a number.
+
+    Parameters
+    ----------
+    values : iterable
+    short : callable
+        Value to name.
+
+    Returns
+    -------
+    dict of value to str
+        In the order of the values as texts.
+    """
+    names: dict[Any, str] = {}
+    for value in sorted(values, key=str):
+        name, number = short(value), 1
+        while name in names.values():
+            number += 1
+            name = f"{short(value)} #{number}"
+        names[value] = name
+    return names
 
 
 def _short(value: Any, field: str) -> str:
     if field == "lab" and "/" in str(value):
         path = Path(str(value))
-        return plain(f"{path.parent.name}/{path.stem}", _MOST_NAME)
+        return f"{path.parent.name}/{path.stem}"
     if field == "parameters":
-        return plain(Path(str(value)).stem.removesuffix("_params"), _MOST_NAME)
+        return Path(str(value)).stem.removesuffix("_params")
     if isinstance(value, bool):
         return field if value else f"no {field}"
     if field == "prior":

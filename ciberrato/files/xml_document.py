@@ -173,6 +173,8 @@ def _problem(code: int | None, message: str, what: str) -> str:
         return f"is nested too deeply or too long in one piece; give {what} file"
     elif code in (ErrorTypes.ERR_UNSUPPORTED_ENCODING, ErrorTypes.ERR_UNKNOWN_ENCODING):
         return f"declares an encoding that cannot be read ({message}); use UTF-8"
+    elif "not proper UTF-8" in message:  # libxml2 before 2.14 counts it among other invalid characters
+        why = _NOT_UTF8
     else:
         known = {
             ErrorTypes.ERR_DOCUMENT_EMPTY: "it does not begin with an element",

@@ -24,6 +24,8 @@ _ROUNDING = 1e-12
 """Distance, as a fraction of a segment, of its end beyond a face that it still only touches."""
 _GRAZE = 1e-9
 """Units."""
+_FEW = 256
+"""Points of which all are tested against a polygon: more are first held against its box."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -222,8 +224,14 @@ class WallMap:
         """
         px, py = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         inside = np.zeros(px.shape, np.bool_)
+        if px.size < _FEW:
+            for polygon in self.polygons:
+                inside |= _point_in_polygon(polygon, px, py)
+            return inside
         for polygon in self.polygons:
-            inside |= _point_in_polygon(polygon, px, py)
+            low, high = polygon.min(axis=0) - _GRAZE, polygon.max(axis=0) + _GRAZE
+            near = (px >= low[0]) & (px <= high[0]) & (py >= low[1]) & (py <= high[1])
+            inside[near] |= _point_in_polygon(polygon, px[near], py[near])
         return inside
 
 

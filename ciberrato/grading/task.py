@@ -66,7 +66,7 @@ def tasks_of(course: Course) -> list[Task]:
             world = of_lab(lab)
             for seed in course.seeds:
                 key = digest_of([common, program, world, seed])
-                file = f"{number:03d}-{plain(agent.name)}-{plain(lab.name)}-{seed}-{key[:8]}"
+                file = f"{number:03d}-{file_part(agent.name)}-{file_part(lab.name)}-{seed}-{key[:8]}"
                 tasks.append(Task(agent, lab, seed, key, file))
     return tasks
 
@@ -118,6 +118,6 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(read_file(path)).hexdigest()
 
 
-def plain(name: str) -> str:
-    """Convert any name into part of a file's name."""
-    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:30] or "x"
+def file_part(name: str, most: int = 30) -> str:
+    """Convert any name into part of a file's name, of at most so many characters."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:most] or "x"

@@ -14,6 +14,7 @@ module              what it is for
 `cone_arrays`       many robots at once, numpy over `face_tables` (the batch without numba, particles)
 `cone_compiled`     the same in machine code by numba, for loops that call it (the batch, the pose filter)
 `sweep`             evenly spaced directions at all places of a lattice (tables of the pose filter)
+`sweep_plan`        what `sweep` prepares: faces turned into all directions, what a tile of places can see
 ==================  =========================================================================================
 """
 
@@ -26,4 +27,5 @@ __all__ = [
     "model",
     "on_face",
     "sweep",
+    "sweep_plan",
 ]

@@ -1,130 +1,295 @@
 """Distances that an IR sensor takes at many places, in evenly spaced directions.
 
 The rule is that of `ciberrato.infrared.model.sensor_distances` (the least of three rays and of the corners in
-the cone), computed for whole sets of places at once. Rays: with the axes turned along a ray, a face is met by
-the sensors whose coordinate across the ray lies between those of its ends; they are one run of the sensors
-sorted by that coordinate. Corners: no corner beyond the longest ray of a neighbourhood can be the nearest
-there.
+the cone), computed for whole tiles of places at once. From a tile a face is met by rays of one run of
+directions only. Faces are painted into the tile's table, nearest first: over this run each ray's distance to
+the face's line, where the ray passes between its ends, replaces what is farther. A face that is farther off
+than everything in its run is left out, and so are the far sides of convex walls, which no ray meets first.
+The three rays in one direction, of the sensors that look there and 30 degrees to both sides, are parallel
+lines, and are painted together.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ciberrato.arrays import Floats
-from ciberrato.geometry.walls import WallMap
-from ciberrato.infrared.model import HALF_APERTURE, SENSOR_OFFSET
+from ciberrato.arrays import Floats, Integers
+from ciberrato.geometry.tiles import Tiles
+from ciberrato.geometry.walls import WallMap, face_distances
+from ciberrato.infrared.model import SENSOR_OFFSET
+from ciberrato.infrared.sweep_plan import (
+    KEPT,
+    TOUCH,
+    CornerColumns,
+    Directions,
+    FaceColumns,
+    SweepPlan,
+    TilePlan,
+)
 
-_TOUCH = 1e-9
-_TILE = 1.0  # units; size of a neighbourhood
-_CHUNK = 200_000  # elements worked on at once, to stay in the cache
+_BATCH = 12
+"""Faces painted between two looks at what can be left out."""
+_PLACES = 400
+"""Places of the fullest tile, about; with more, faces are painted in vain, with fewer, calls cost more."""
+
+Convert = Callable[[Floats], NDArray[Any]]
+
+
+class Loops(Protocol):
+    """Machine code for the loops of this module: `ciberrato.localization.belief.kernels`."""
+
+    paint_faces: Callable[..., None]
+    paint_corners: Callable[..., None]
 
 
 def tabulate_distances(
     walls: WallMap,
     places: Floats,
-    directions: Floats,
+    first: float,
+    count: int,
     *,
+    convert: Convert | None = None,
+    loops: Loops | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Floats:
+) -> NDArray[Any]:
     """Compute the distance that a sensor takes in every place and direction.
 
     Parameters
     ----------
     walls : WallMap
     places : array, shape (places, 2)
-        Centres of the robot, in units.
-    directions : array, shape (directions,)
-        Axes of the sensor in the lab's frame, in radians.
+        Centres of the robot, in units; outside of walls.
+    first : float
+        First direction: the axis of the sensor in the lab's frame, in radians.
+    count : int
+        Number of directions, evenly around the circle; a multiple of 12.
+    convert : callable, optional
+        Elementwise conversion of distances, done while they are in the processor's cache.
+    loops : Loops, optional
+        Machine code for the same arithmetic, to the last bit.
     progress : callable, optional
         Called with the fraction done.
 
     Returns
     -------
-    array, shape (directions, places)
-        Units; infinite where no wall is seen.
+    array, shape (count, places)
+        Units; infinite where no wall is seen. Of the type that `convert` returns.
     """
-    table = np.empty((len(directions), len(places)))
-    for number, direction in enumerate(directions):
-        table[number] = _least_ray(walls, places, float(direction))
-        if progress is not None:
-            progress(0.6 * (number + 1) / len(directions))
-    _apply_corners(walls, places, directions, table, progress)
+    dtype = np.float64 if convert is None else convert(np.ones(1)).dtype
+    table = np.empty((count, len(places)), dtype)
+    directions = Directions(walls, first, count)
+    if loops is not None and len(walls.length) > KEPT:
+        loops = None  # too many faces to have all of them turned into all directions
+    tiles = Tiles(places, _tile_size(places))
+    plan = SweepPlan(directions, tiles)
+    most = max((len(members) for members in tiles.members), default=0)
+    painter = _NumpyPainter(directions, most) if loops is None else _CompiledPainter(directions, loops)
+    for number, members in enumerate(tiles.members):
+        if progress is not None and number % 8 == 0:
+            progress(number / len(tiles.members))
+        distances = _sweep_tile(directions, plan.tile(number), places[members], painter)
+        table[:, members] = distances if convert is None else convert(distances)
     return table
 
 
-def _least_ray(walls: WallMap, places: Floats, direction: float) -> Floats:
-    sensors = places + SENSOR_OFFSET * np.array([math.cos(direction), math.sin(direction)])
-    best = np.full(len(places), np.inf)
-    for turn in (0.0, HALF_APERTURE, -HALF_APERTURE):
-        np.minimum(best, _rays(walls, sensors, direction + turn), out=best)
-    return best
+def _tile_size(places: Floats) -> float:
+    """Return an edge, in units, with which the fullest tile has about `_PLACES`; at most 2."""
+    size = 2.0
+    while size > 0.25 and len(places):
+        fullest = np.unique(np.floor(places / size) @ (1.0, 1e6), return_counts=True)[1].max()
+        if fullest <= 1.25 * _PLACES:
+            break
+        size /= 2.0
+    return size
 
 
-def _rays(walls: WallMap, sensors: Floats, direction: float) -> Floats:
-    """Compute the distance to the first face along parallel rays; sensors on a face see it."""
-    ray = np.array([math.cos(direction), math.sin(direction)])
-    normal = np.array([-ray[1], ray[0]])
-    along, across = sensors @ ray, sensors @ normal
-    order = np.argsort(across, kind="stable")
-    along, across = along[order], across[order]
-    start_u, start_v = walls.start @ ray, walls.start @ normal
-    end_u, end_v = walls.end @ ray, walls.end @ normal
-    rise = end_v - start_v
-    seen = np.flatnonzero(np.abs(rise) > _TOUCH * walls.length)
-    low = np.searchsorted(across, np.minimum(start_v, end_v) - _TOUCH)
-    high = np.searchsorted(across, np.maximum(start_v, end_v) + _TOUCH, side="right")
-    best = np.full(len(sensors), np.inf)
-    for face in seen:
-        run = slice(low[face], high[face])
-        if run.start == run.stop:
-            continue
-        slope = (end_u[face] - start_u[face]) / rise[face]
-        reach = start_u[face] - start_v[face] * slope + across[run] * slope - along[run]
-        reach[reach < -_TOUCH] = np.inf
-        np.minimum(best[run], reach, out=best[run])
-    result = np.empty_like(best)
-    result[order] = np.maximum(best, 0.0)
-    return result
+class _Painter(Protocol):
+    def faces(self, rays: Floats, across: Floats, offsets: Floats, runs: Integers) -> None: ...
+
+    def corners(
+        self, squared: Floats, turned: tuple[Floats, Floats, Floats], squares: Floats, runs: Integers
+    ) -> None: ...
 
 
-def _apply_corners(
-    walls: WallMap,
+class _CompiledPainter:
+    """Paints in machine code."""
+
+    def __init__(self, directions: Directions, loops: Loops) -> None:
+        self._loops = loops
+        self._faces, self._corners = directions.all_faces(), directions.all_corners()
+
+    def faces(self, rays: Floats, across: Floats, offsets: Floats, runs: Integers) -> None:
+        self._loops.paint_faces(rays, across, offsets, runs, *self._faces, TOUCH)
+
+    def corners(
+        self, squared: Floats, turned: tuple[Floats, Floats, Floats], squares: Floats, runs: Integers
+    ) -> None:
+        self._loops.paint_corners(squared, *turned, squares, runs, *self._corners)
+
+
+class _NumpyPainter:
+    """Paints with numpy, in arrays of its own: fresh ones would have to be got from the system.
+
+    Parameters
+    ----------
+    directions : Directions
+    most : int
+        Places of the fullest tile.
+    """
+
+    def __init__(self, directions: Directions, most: int) -> None:
+        self._directions = directions
+        size = directions.count * most
+        self._base, self._rays = np.empty(size), np.empty(3 * size)
+        self._masks = np.empty((2, 3 * size), np.bool_)
+
+    def faces(self, rays: Floats, across: Floats, offsets: Floats, runs: Integers) -> None:
+        """Apply faces to the distances along rays.
+
+        Parameters
+        ----------
+        rays : array, shape (3, count, places)
+        across : array, shape (count, places)
+        offsets : array, shape (faces, places)
+        runs : array of int, shape (faces, 4)
+            Face, first direction, number of directions, whether its line may be met behind the sensor.
+        """
+        count = self._directions.count
+        for offset, (face, first, number, near) in zip(offsets, runs.tolist(), strict=True):
+            columns = self._directions.face(face)
+            for begin, end in _runs(first, number, count):
+                self._face(rays, across, offset, columns, begin, end, -TOUCH if near else -math.inf)
+
+    def corners(
+        self, squared: Floats, turned: tuple[Floats, Floats, Floats], squares: Floats, runs: Integers
+    ) -> None:
+        """Apply corners to squared distances.
+
+        Parameters
+        ----------
+        squared : array, shape (count, places)
+        turned : tuple of array, shape (count, places)
+            Places ahead; and aside, seen along the left and right edge of the cone.
+        squares : array, shape (corners, places)
+        runs : array of int, shape (corners, 3)
+            Corner, first direction, number of directions.
+        """
+        for square, (corner, first, number) in zip(squares, runs.tolist(), strict=True):
+            columns = self._directions.corner(corner)
+            for begin, end in _runs(first, number, self._directions.count):
+                self._corner(squared, turned, square, columns, begin, end)
+
+    def _face(
+        self,
+        rays: Floats,
+        across: Floats,
+        offset: Floats,
+        columns: FaceColumns,
+        begin: int,
+        end: int,
+        least: float,
+    ) -> None:
+        rate, lead, low, high = (column[..., begin:end, :] for column in columns)
+        rows, size = end - begin, across.shape[1]
+        length = self._base[: rows * size].reshape(rows, size)
+        reach = self._rays[: 3 * rows * size].reshape(3, rows, size)
+        beside, other = self._masks[:, : 3 * rows * size].reshape(2, 3, rows, size)
+        np.multiply(rate, offset, out=length)
+        np.subtract(length, lead, out=reach)
+        np.less(across[begin:end], low, out=beside)
+        np.greater(across[begin:end], high, out=other)
+        np.logical_or(beside, other, out=beside)
+        if least > -math.inf:
+            np.less(reach, least, out=other)
+            np.logical_or(beside, other, out=beside)
+        np.copyto(reach, np.inf, where=beside)
+        np.minimum(rays[:, begin:end], reach, out=rays[:, begin:end])
+
+    def _corner(
+        self,
+        squared: Floats,
+        turned: tuple[Floats, Floats, Floats],
+        square: Floats,
+        columns: CornerColumns,
+        begin: int,
+        end: int,
+    ) -> None:
+        along, across_left, across_right = (array[begin:end] for array in turned)
+        ahead, left, right = (column[begin:end] for column in columns)
+        rows, size = along.shape
+        distance = self._base[: rows * size].reshape(rows, size)
+        beside, other = self._masks[:, : rows * size].reshape(2, rows, size)
+        np.add(along, square, out=distance)
+        np.subtract(distance, ahead, out=distance)
+        np.less(across_left, left, out=beside)
+        np.greater(across_right, right, out=other)
+        np.logical_or(beside, other, out=beside)
+        np.copyto(distance, np.inf, where=beside)
+        np.minimum(squared[begin:end], distance, out=squared[begin:end])
+
+
+def _sweep_tile(directions: Directions, plan: TilePlan, places: Floats, painter: _Painter) -> Floats:
+    along, across = directions.ahead @ places.T, directions.aside @ places.T
+    rays = _paint_faces(directions, plan, places, across, painter)
+    shift = directions.count // 12
+    squared = np.minimum(np.roll(rays[1], -shift, axis=0), np.roll(rays[2], shift, axis=0))
+    np.minimum(squared, rays[0], out=squared)
+    np.maximum(squared, 0.0, out=squared)
+    corners = plan.corners_within(squared.max(axis=1))
+    squared *= squared
+    _paint_corners(directions, plan, corners, places, (along, across), squared, painter)
+    np.maximum(squared, 0.0, out=squared)
+    return np.sqrt(squared, out=squared)
+
+
+def _paint_faces(
+    directions: Directions, plan: TilePlan, places: Floats, across: Floats, painter: _Painter
+) -> Floats:
+    """Compute the distances of the first faces along rays; shape (3, directions of the ray, places)."""
+    rays = np.full((3, directions.count, len(places)), np.inf)
+    left = plan.faces(_stick_out(directions.walls, plan, places))
+    while left.size:
+        some, left = left[:_BATCH], left[_BATCH:]
+        painter.faces(rays, across, directions.offsets(some, places), plan.runs(some))
+        if left.size:
+            left = plan.faces_within(left, rays.max(axis=(0, 2)))
+    return rays
+
+
+def _stick_out(walls: WallMap, plan: TilePlan, places: Floats) -> bool:
+    """Return whether a sensor of a robot that touches a wall, within tolerances, may be behind its face."""
+    near = np.flatnonzero(plan.touchable)
+    if not near.size:
+        return False
+    ends = walls.start[near], walls.end[near], walls.direction[near], walls.length[near]
+    return bool(face_distances(places[:, :1], places[:, 1:], *ends).min() < SENSOR_OFFSET - TOUCH / 2.0)
+
+
+def _paint_corners(
+    directions: Directions,
+    plan: TilePlan,
+    corners: Integers,
     places: Floats,
-    directions: Floats,
-    table: Floats,
-    progress: Callable[[float], None] | None,
+    turned: tuple[Floats, Floats],
+    squared: Floats,
+    painter: _Painter,
 ) -> None:
-    """Apply the nearest corner in the cone where it is nearer than the rays."""
-    offset_x, offset_y = SENSOR_OFFSET * np.cos(directions), SENSOR_OFFSET * np.sin(directions)
-    cosine, sine = np.cos(directions)[:, np.newaxis], np.sin(directions)[:, np.newaxis]
-    tangent = math.tan(HALF_APERTURE)
-    all_corners = np.unique(walls.start, axis=0)
-    tile = np.floor(places / _TILE).astype(np.int64)
-    keys, members = np.unique(tile[:, 1] * 100_000 + tile[:, 0], return_inverse=True)
-    order = np.argsort(members, kind="stable")
-    bounds = np.searchsorted(members[order], np.arange(len(keys) + 1))
-    for number in range(len(keys)):
-        group = order[bounds[number] : bounds[number + 1]]
-        x, y = places[group].T
-        reach = table[:, group].max() + SENSOR_OFFSET
-        middle = np.array([(x.min() + x.max()) / 2.0, (y.min() + y.max()) / 2.0])
-        radius = math.hypot(x.max() - middle[0], y.max() - middle[1])
-        near = np.hypot(*(all_corners - middle).T) <= reach + radius + 1e-6
-        corners = all_corners[near]
-        if progress is not None and number % 8 == 0:
-            progress(0.6 + 0.4 * number / len(keys))
-        step = max(_CHUNK // (len(directions)), 1)
-        for corner_x, corner_y in corners:
-            for first in range(0, len(group), step):
-                some = group[first : first + step]
-                dx = (corner_x - places[some, 0]) - offset_x[:, np.newaxis]
-                dy = (corner_y - places[some, 1]) - offset_y[:, np.newaxis]
-                forward = dx * cosine + dy * sine
-                sideways = np.abs(dy * cosine - dx * sine)
-                distance = np.sqrt(dx * dx + dy * dy)
-                distance[sideways > forward * tangent + _TOUCH] = np.inf
-                table[:, some] = np.minimum(table[:, some], distance)
+    """Apply the corners in the cone to squared distances."""
+    along, across = turned
+    shift = len(squared) // 12
+    sides = (along, np.roll(across, -shift, axis=0), np.roll(across, shift, axis=0))
+    away = directions.corners[corners, np.newaxis, :] - places
+    squares = (away * away).sum(axis=-1) + SENSOR_OFFSET**2
+    painter.corners(squared, sides, squares, plan.corner_runs(corners))
+
+
+def _runs(first: int, number: int, count: int) -> tuple[tuple[int, int], ...]:
+    """Return a run of directions as one or two slices of the circle."""
+    if first + number <= count:
+        return ((first, first + number),)
+    return ((first, count), (0, first + number - count))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,8 @@ from ciberrato.checks.files import Checked
 from ciberrato.errors import UsageError
 from ciberrato.files.lab import LabFile
 from ciberrato.files.start_grid import GridFile
-from ciberrato.plot.canvas import new_figure
+from ciberrato.plaintext import plain
+from ciberrato.plot.canvas import new_figure, set_title
 from ciberrato.world.lab import Lab
 from ciberrato.world.start_grid import StartGrid
 
@@ -87,8 +87,8 @@ def draw_checked(checked: Sequence[Checked], path: Path) -> None:
             zorder=9,
             annotation_clip=False,
         )
-    axis.set_title(f"{lab.name}: {len(findings)} finding{'s' * (len(findings) != 1)}", fontsize=10)
-    axis.set_xlabel("x in units\n" + "\n".join(lines), fontsize=7, loc="left")
+    set_title(axis, f"{plain(lab.name, 40)}: {len(findings)} finding{'s' * (len(findings) != 1)}")
+    axis.set_xlabel("x in units\n" + "\n".join(lines), fontsize=7, loc="left", parse_math=False)
     save_figure(figure, path)
 
 
@@ -99,8 +99,7 @@ def _figure(lab: Lab, more: float) -> tuple[Any, Any]:
 
 
 def _line(number: int, text: str) -> str:
-    text = f"{number}  {text}"
-    return text.replace("$", r"\$") if len(text) <= _LONGEST else text[:_LONGEST].replace("$", r"\$") + "…"
+    return plain(f"{number}  {text}", _LONGEST)
 
 
 def draw_track(lab: Lab, path: Path, poses: Sequence[tuple[float, float]], title: str) -> None:
@@ -120,17 +119,7 @@ def draw_track(lab: Lab, path: Path, poses: Sequence[tuple[float, float]], title
     UsageError
         If the figure cannot be written.
     """
-    from matplotlib.collections import LineCollection
-
     figure, axis = _figure(lab, 0.0)
-    plot.lab(lab, axis)
-    pairs = list(pairwise(poses))
-    track = LineCollection(pairs, array=range(len(pairs)), cmap="viridis", linewidths=2.0, zorder=6)
-    axis.add_collection(track)
-    for pose, marker, name in ((poses[0], "o", "start"), (poses[-1], "s", "end")):
-        axis.plot(*pose, marker, markersize=7, markerfacecolor="white", color="#D55E00", zorder=7)
-        axis.annotate(name, pose, xytext=(6, 6), textcoords="offset points", color="#D55E00", zorder=8)
-    if pairs:
-        figure.colorbar(track, ax=axis, label="cycle", shrink=0.6)
-    axis.set_title(title, fontsize=10)
+    plot.track(poses, plot.lab(lab, axis), by_cycle=True, legend=True)
+    set_title(axis, title)
     save_figure(figure, path)

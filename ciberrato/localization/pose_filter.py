@@ -27,6 +27,7 @@ from ciberrato.localization.records import FilterSettings
 from ciberrato.localization.tables.worker import TableWorker
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
+from ciberrato.protocol.order import MessageOrder, News
 from ciberrato.reprs import html_repr, short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
@@ -35,7 +36,6 @@ ANGLES = (0.0, 60.0, -60.0, 180.0)
 """Mounting angles of the IR sensors in degrees, the simulator's defaults."""
 MOST_MISSING = 500
 """Cycles; after a longer gap nothing is left of what was known, and the filter begins anew, anywhere."""
-_LATE = 50  # cycles; a time farther back than a late message can be is that of a new simulation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +151,7 @@ class PoseFilter:
         self._is_own = tables is None
         self._started = not self._is_own
         self._closed = False
-        self._time: int | None = None
+        self._order = MessageOrder()
         self.live = self._begin(prior)
         """The queue of messages and the filter behind it, for programs that look deeper."""
         if wait:
@@ -236,7 +236,8 @@ class PoseFilter:
 
         Call it with every message, in order, from the first one on or from any later one. Cycles whose
         message never came are made up for by the command; sensors that a message lacks (None) say nothing. A
-        message older than the newest changes nothing (UDP may deliver late).
+        message older than the newest changes nothing (UDP may deliver late) and is counted in `stale`; only
+        several in a row, of times that follow one another, show that a new simulation has begun.
 
         Parameters
         ----------
@@ -252,7 +253,7 @@ class PoseFilter:
         Raises
         ------
         ValueError
-            If the command is not two finite numbers, a reading is not finite, the time is that of a new
+            If the command is not two finite numbers, a reading is not finite, the times are those of a new
             simulation (see `reset`), or the filter was closed before its coarse tables were there.
         """
         self.feed(measures, command)
@@ -265,29 +266,35 @@ class PoseFilter:
         if command is not None and not _is_command(command):
             raise ValueError(f"command: {command!r:.60} is not the command of two motors")
         _check_readings(measures)
-        if self._time is not None and measures.time < self._time:
-            if self._time - measures.time > _LATE or measures.time == 0:
+        newest = self._order.time
+        if newest is not None and measures.time < newest:
+            if self._order.judge(measures) is News.BEGUN_AGAIN:
                 raise ValueError(
-                    f"time {measures.time} after {self._time}: the simulation has begun again; "
+                    f"time {measures.time} after {newest}: the simulation has begun again; "
                     "reset() forgets the old one"
                 )
             return
-        if self._time is not None and measures.time - self._time > MOST_MISSING:
+        if newest is not None and measures.time - newest > MOST_MISSING:
             # Reckoned cycle by cycle the pose would be spread over the lab by now, after a long time.
             self.live = self._begin(ANYWHERE)
         if not self._closed:
             self.start()
         elif self.live.filter is None:
             raise ValueError("the pose filter was closed before its tables were there")
-        self._time = measures.time
+        self._order.accept(measures)
         self.live.observe(measures, command)
+
+    @property
+    def stale(self) -> int:
+        """Messages that were older than the newest, and ignored, since the start or `reset`."""
+        return self._order.stale
 
     def estimate(self) -> Estimate:
         """Return the estimate of the pose, given the messages so far."""
         found, grid = self.live.estimate(), self.live.filter
         if found is None or grid is None:
             return Estimate(
-                time=self._time,
+                time=self._order.time,
                 x=math.nan,
                 y=math.nan,
                 heading=math.nan,
@@ -298,7 +305,7 @@ class PoseFilter:
                 behind=self.live.lag,
             )
         return Estimate(
-            time=self._time,
+            time=self._order.time,
             x=found.x,
             y=found.y,
             heading=found.heading,
@@ -331,7 +338,7 @@ class PoseFilter:
 
     def reset(self) -> None:
         """Reset the filter: forget all messages; lab, parameters and start stay the same."""
-        self._time = None
+        self._order = MessageOrder()
         self.live = self._begin(self._prior)
 
 

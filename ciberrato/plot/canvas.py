@@ -22,7 +22,7 @@ Layout = Literal["constrained", "compressed"]
 
 X_LABEL, Y_LABEL = "x (units)", "y (units)"
 LABEL_SIZE = 9
-_MOST_TITLE = 100
+_MOST_TITLE, _MOST_LABEL = 100, 60
 
 
 def new_figure(width: float, height: float, *, layout: Layout = "constrained") -> Any:
@@ -75,7 +75,7 @@ def draw_walls(axis: Any, lab: Lab, *, colour: str = "white") -> None:
         )
 
 
-def set_title(target: Any, text: str, *, size: float = 10.0, note: str = "") -> None:
+def set_title(target: Any, text: str, *, size: float | str = 10.0, note: str = "") -> None:
     """Set the title of an axis or a figure; it may hold names of others.
 
     Parameters
@@ -83,14 +83,30 @@ def set_title(target: Any, text: str, *, size: float = 10.0, note: str = "") -> 
     target : matplotlib.axes.Axes or matplotlib.figure.FigureBase
     text : str
         A dollar in it begins no formula, control characters are shown as a sign, and it is cut when long.
-    size : float
-        Points.
+    size : float or str
+        Points, or one of matplotlib's words.
     note : str
         A second line, of ours.
     """
     write = target.suptitle if hasattr(target, "suptitle") else target.set_title
     lines = [line for line in (plain(text, _MOST_TITLE), note) if line]
     write("\n".join(lines), fontsize=size, parse_math=False)
+
+
+def legend_text(name: str) -> str:
+    """Return a name of others as the label of a line: no formula, not hidden for its first character.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+        Cut when long, without unseen characters.
+    """
+    text = plain(name, _MOST_LABEL).replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text  # matplotlib leaves labels with _ out of legends
 
 
 def step_names(blocks: int) -> list[str]:

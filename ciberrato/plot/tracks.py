@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ciberrato.arrays import Floats
 from ciberrato.plot.canvas import (
     LINE_COLOURS,
     X_LABEL,
@@ -27,6 +28,7 @@ def track(
     label: str | None = None,
     colour: str = LINE_COLOURS[0],
     ends: bool = True,
+    by_cycle: bool = False,
     legend: bool | None = None,
 ) -> Any:
     """Draw the path of a robot, with start and end.
@@ -44,8 +46,10 @@ def track(
     colour : str
     ends : bool
         Whether to name start and end.
+    by_cycle : bool
+        Whether the colour goes with the pose's number, from blue to yellow, in place of `colour` and `label`.
     legend : bool, optional
-        Whether to add a legend below, if there is a label; default: in a new figure.
+        Whether to add a legend below, if there is a label, or a colour bar; default: in a new figure.
 
     Returns
     -------
@@ -61,7 +65,11 @@ def track(
     ax, new = start_map(ax, *((lab.width, lab.height) if lab is not None else size))
     if lab is not None:
         draw_walls(ax, lab, colour="0.7")
-    ax.plot(*places.T, color=colour, linewidth=1.8, zorder=3, label=label)
+    legend = new if legend is None else legend
+    if by_cycle:
+        _draw_by_cycle(ax, places, legend)
+    else:
+        ax.plot(*places.T, color=colour, linewidth=1.8, zorder=3, label=label)
     if len(known):
         ax.plot(*known[0], "o", color=colour, zorder=4)
     if ends and len(known):
@@ -73,6 +81,18 @@ def track(
         ax.set_aspect("equal", adjustable="datalim")
         ax.set_xlabel(X_LABEL)
         ax.set_ylabel(Y_LABEL)
-    if new if legend is None else legend:
+    if legend:
         add_legend(ax)
     return ax
+
+
+def _draw_by_cycle(ax: Any, places: Floats, bar: bool) -> None:
+    from matplotlib.collections import LineCollection
+
+    steps = np.stack([places[:-1], places[1:]], axis=1)
+    known = np.isfinite(steps).all(axis=(1, 2))
+    numbers = np.flatnonzero(known)
+    track = LineCollection(list(steps[known]), array=numbers, cmap="viridis", linewidths=2.0, zorder=3)
+    ax.add_collection(track)
+    if bar and len(numbers):
+        ax.figure.colorbar(track, ax=ax, label="cycle", shrink=0.6)

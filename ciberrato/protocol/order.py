@@ -50,12 +50,16 @@ class MessageOrder:
         news = self._judge(measures)
         if news is News.FRESH:
             self.stale += held is not None and held >= measures.time
-            self._held = None
-            self.time, self._newest = measures.time, measures
-            self._doubtful.clear()
+            self.accept(measures)
         elif news is News.STALE:
             self.stale += 1
         return news
+
+    def accept(self, measures: Measures) -> None:
+        """Note a message as the newest, without a judgement."""
+        self._held = None
+        self.time, self._newest = measures.time, measures
+        self._doubtful.clear()
 
     def _judge(self, measures: Measures) -> News:
         time, newest = measures.time, self._newest

@@ -12,7 +12,7 @@ import pytest
 
 from ciberrato.errors import UsageError
 from ciberrato.grading import sandbox
-from ciberrato.grading.conformance.check import check_agent, judge_row, rows_named
+from ciberrato.grading.conformance.check import Judged, check_agent, judge_row, rows_named
 from ciberrato.grading.conformance.cli import main
 from ciberrato.grading.conformance.report import json_report, junit_report, text_report
 from ciberrato.grading.conformance.rows import NAMES, ROWS
@@ -162,6 +162,17 @@ def test_the_reports(judged):
     assert (good.get("name"), good.find("failure")) == ("refused", None)
     assert bad.find("failure").get("message").startswith("no answer to the Measures of time 60")
     assert "look at" in bad.find("failure").text
+
+
+def test_control_characters_of_an_agent_are_in_no_report():
+    hostile = "\x1b]0;mine\x07\x9b31m\x00\u202ex"
+    judged = [Judged(ROWS[0], False, f"{hostile}: {hostile}", f"{hostile}\r\nlast\n")]
+    row = json.loads(json_report(judged, ["agent"]))["rows"][0]
+    assert row["output"] == "\ufffd]0;mine\ufffd\ufffd31m\ufffd\ufffdx\nlast\n"
+    texts = [row["happened"], text_report(judged), junit_report(judged, ["agent", hostile])]
+    for text in texts:
+        assert not set("\x1b\x07\x9b\x00\u202e\r") & set(text)
+        assert "mine" in text
 
 
 def program(*words, folder):

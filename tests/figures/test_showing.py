@@ -304,7 +304,7 @@ def test_all_axes_have_names_and_units_and_no_legend_covers_data(run, tmp_path, 
                 "difference in probability",
             )
         # Each panel is below or beside one that has the names.
-        assert all(axis.get_xlabel() or not axis.xaxis.get_tick_params()["labelbottom"] for axis in axes[:1])
+        assert all(axis.get_xlabel() or not axis.get_xticklabels() for axis in axes[:1])
         assert all(axis.get_legend() is None for axis in axes)
 
 

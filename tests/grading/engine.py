@@ -12,7 +12,8 @@ import sys
 import zlib
 from pathlib import Path
 
-STATE = Path(os.environ["ENGINE_STATE"])
+STATE = Path(os.environ.get("ENGINE_STATE", ""))
+MARK = "STAND_IN_CONTAINER"
 ONE = {
     *("--name", "--pull", "--network", "--user", "--userns", "--tmpfs", "--cap-drop", "--security-opt"),
     *("--log-driver", "--memory", "--memory-swap", "--pids-limit", "--shm-size", "--workdir", "--entrypoint"),
@@ -51,6 +52,7 @@ def run(words):
     host = f"127.{1 + number % 60}.{number >> 8 & 255}.{1 + (number >> 16) % 254}"
     command = [sys.executable if word == "python" else word.replace("127.0.0.1", host) for word in command]
     environment = {"PATH": os.environ["PATH"], "PYTHONPATH": os.environ["ENGINE_CHECKOUT"]}
+    environment[MARK] = mark(name)
     for entry in options["--env"]:
         key, _, value = entry.partition("=")
         environment[key] = value.replace("127.0.0.1", host)
@@ -61,14 +63,30 @@ def run(words):
     process = subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True, stdin=nothing)
     (STATE / f"{name}.pid").write_text(str(process.pid))
     status = process.wait()
+    end(name)  # as in a container, nothing outlives the first process
     return status if status >= 0 else 128 - status
 
 
+def mark(name):
+    return str(STATE / name)
+
+
+def inside(name):
+    """Processes of a container, wherever they went: what they were started with tells."""
+    wanted = f"{MARK}={mark(name)}".encode()
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if wanted in path.read_bytes().split(b"\0"):
+                found.append(int(path.parent.name))
+    return found
+
+
 def end(name):
-    path = STATE / f"{name}.pid"
-    if path.exists():
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(int(path.read_text()), signal.SIGKILL)
+    while pids := inside(name):  # those that were begun meanwhile, too
+        for pid in pids:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
 
 def main(words):

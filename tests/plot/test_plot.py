@@ -12,6 +12,7 @@ import pytest
 
 mpl.use("Agg")
 from matplotlib import pyplot
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
 from ciberrato import find_grid, find_lab, plot, read_grid, read_lab
@@ -141,6 +142,19 @@ def test_a_second_track_leaves_the_map_as_it_is(caplog):
     ax.figure.canvas.draw()
     assert (*ax.get_xlim(), *ax.get_ylim()) == (0.0, MAZE.width, 0.0, MAZE.height)
     assert not caplog.records
+
+
+def test_the_colour_of_a_track_goes_with_the_cycle_and_gaps_stay():
+    poses = [(1, 1), (2, 1), (np.nan, np.nan), (4, 2), (4, 3)]
+    figure, ax = pyplot.subplots()
+    plot.track(poses, ax, lab=MAZE, by_cycle=True, legend=True)
+    (line,) = [one for one in ax.collections if isinstance(one, LineCollection)]
+    assert [part.tolist() for part in line.get_segments()] == [[[1, 1], [2, 1]], [[4, 2], [4, 3]]]
+    assert line.get_array().tolist() == [0, 3]
+    _, bar = figure.axes
+    assert bar.get_ylabel() == "cycle"
+    plot.track(poses[:1], pyplot.subplots()[1], by_cycle=True, legend=True)  # one pose: no line, no bar
+    assert len(pyplot.gcf().axes) == 1
 
 
 def test_the_share_of_runs_that_know_their_pose_is_counted():

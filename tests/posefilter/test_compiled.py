@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 
+from ciberrato import machine_code
 from ciberrato.errors import UsageError
 from ciberrato.files.lab import read_lab
 from ciberrato.geometry.walls import WallMap
@@ -169,30 +170,32 @@ def test_states_that_look_alike_keep_equal_weights(loops):
 
 
 def test_the_environment_decides(monkeypatch):
-    monkeypatch.setenv(compiled.VARIABLE, "off")
+    monkeypatch.setenv(machine_code.VARIABLE, "off")
     assert not compiled.load()
     assert compiled.kernels() is None
-    monkeypatch.setenv(compiled.VARIABLE, "perhaps")
+    monkeypatch.setenv(machine_code.VARIABLE, "perhaps")
     with pytest.raises(UsageError, match="perhaps"):
         compiled.load()
-    monkeypatch.setenv(compiled.VARIABLE, "on")
-    monkeypatch.setattr(compiled, "available", lambda: False)
+    monkeypatch.setenv(machine_code.VARIABLE, "on")
+    for module in (compiled, machine_code):
+        monkeypatch.setattr(module, "available", lambda: False)
     with pytest.raises(UsageError, match="numba"):
         compiled.load()
-    monkeypatch.setenv(compiled.VARIABLE, "auto")
+    monkeypatch.setenv(machine_code.VARIABLE, "auto")
     assert not compiled.load()
 
 
 def test_a_numba_that_does_not_work_is_done_without(monkeypatch):
     import ciberrato.localization.belief
 
-    monkeypatch.setattr(compiled, "available", lambda: True)
+    for module in (compiled, machine_code):
+        monkeypatch.setattr(module, "available", lambda: True)
     monkeypatch.setattr(compiled, "_active", None)
     monkeypatch.setitem(sys.modules, "ciberrato.localization.belief.kernels", None)  # importing it fails
     monkeypatch.delattr(ciberrato.localization.belief, "kernels", raising=False)
     assert not compiled.load()
     assert compiled.kernels() is None
-    monkeypatch.setenv(compiled.VARIABLE, "on")
+    monkeypatch.setenv(machine_code.VARIABLE, "on")
     with pytest.raises(UsageError, match="on"):
         compiled.load()
 
@@ -203,7 +206,7 @@ def test_machine_code_is_at_hand_once_it_is_in_the_cache(loops, monkeypatch, tmp
     (tmp_path / "kernels.py").write_text("")
     assert not compiled.at_hand()  # another source, and nothing made of it
     monkeypatch.undo()
-    monkeypatch.setenv(compiled.VARIABLE, "off")
+    monkeypatch.setenv(machine_code.VARIABLE, "off")
     assert not compiled.at_hand()
 
 

@@ -242,8 +242,23 @@ def test_a_message_that_comes_late_changes_nothing(small_lab, localizer):
     run(client, localizer, 20)
     found = localizer.observe(client.measures, client.command)
     assert localizer.observe(Measures(time=17, infrared=(9.0, 9.0, 9.0, 9.0)), (0.0, 0.0)) == found
-    with pytest.raises(ValueError, match="time 0 after 20: the simulation has begun again"):
-        localizer.observe(Measures(time=0), None)
+    assert localizer.observe(Measures(time=0), None) == found
+    assert localizer.stale == 2
+    run(client, localizer, 5)
+    assert localizer.stale == 2
+
+
+def test_a_new_simulation_is_told_by_several_messages_whose_times_follow_one_another(small_lab, localizer):
+    client = Client(small_lab)
+    run(client, localizer, 80)
+    for time in (0, 25, 3, 1, 2):  # spoilt digits and late ones do not follow one another
+        localizer.observe(Measures(time=time), None)
+    with pytest.raises(ValueError, match="time 3 after 80: the simulation has begun again"):
+        localizer.observe(Measures(time=3), None)
+    assert localizer.stale == 5
+    localizer.reset()
+    assert localizer.observe(Measures(time=4), None).time == 4
+    assert localizer.stale == 0
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ciberrato.files.lab import read_lab
+from ciberrato.geometry.tiles import wall_distances
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import ideal_reading, reading_log_likelihood, sensor_distances
 from ciberrato.infrared.sweep import tabulate_distances
@@ -20,17 +21,91 @@ from ciberrato.localization.tables.cache import cached_tables, read_tables, tabl
 from ciberrato.localization.tables.pose_tables import BINS, build_tables
 from ciberrato.localization.tables.reading_codes import ReadingCodes, code_distances, encode
 from ciberrato.localization.tables.worker import TableWorker
-from ciberrato.world.lab import Lab
+from ciberrato.world.lab import Lab, Wall
 
 
 def test_distances_equal_those_of_the_sensor_model(small_lab):
     walls = WallMap.from_lab(small_lab)
     lattice = build_lattice(small_lab, 2.0 / 9.0)
     directions = np.deg2rad(np.arange(0.0, 360.0, 7.5) + 0.3)
-    table = tabulate_distances(walls, lattice.representative, directions)
+    table = tabulate_distances(walls, lattice.representative, math.radians(0.3), 48)
     places = lattice.representative
     expected = sensor_distances(walls, places[:, 0], places[:, 1], directions[:, np.newaxis])
     assert table == pytest.approx(expected, abs=1e-9)
+
+
+def _random_lab(seed):
+    """Return a lab of turned boxes, triangles and L-shaped walls; some overlap or touch the border."""
+    generator = np.random.default_rng(seed)
+    shapes = (
+        [(-1, -0.1), (1, -0.1), (1, 0.1), (-1, 0.1)],
+        [(-0.6, -0.5), (0.7, -0.3), (0.1, 0.6)],
+        [(0, 0), (1.2, 0), (1.2, 0.2), (0.2, 0.2), (0.2, 1.2), (0, 1.2)],
+    )
+    walls = []
+    for number in range(12):
+        angle, (x, y) = generator.uniform(0, 6.3), generator.uniform(0, (12, 8))
+        corners = [
+            (x + math.cos(angle) * a - math.sin(angle) * b, y + math.sin(angle) * a + math.cos(angle) * b)
+            for a, b in shapes[number % 3]
+        ]
+        walls.append(Wall(height=4.0, corners=tuple(corners[:: 1 if number % 2 else -1])))
+    return Lab(name="random", width=12.0, height=8.0, walls=tuple(walls))
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["numpy", "numba"])
+@pytest.mark.parametrize("seed", [1, 2, 3, None])
+def test_distances_among_walls_of_all_kinds_equal_those_of_the_sensor_model(seed, compiled):
+    loops = None
+    if compiled:
+        pytest.importorskip("numba")
+        from ciberrato.localization.belief import kernels as loops
+    lab = read_lab(find_lab("diagonals")) if seed is None else _random_lab(seed)
+    walls = WallMap.from_lab(lab)
+    places = build_lattice(lab, 2.0 / 9.0).representative[:: 7 if seed is None else 1]
+    first = 0.0 if seed is None else 0.0123 * seed
+    table = tabulate_distances(walls, places, first, 72, loops=loops)
+    directions = first + np.arange(72) * math.radians(5.0)
+    expected = sensor_distances(walls, places[:, 0], places[:, 1], directions[:, np.newaxis])
+    # An edge just grazed may count for one of the two and not for the other.
+    assert np.mean(np.abs(table - expected) > 1e-9) < (0.002 if seed is None else 1e-9)
+    plain = tabulate_distances(walls, places, first, 72)
+    assert np.array_equal(table, plain)
+    assert np.array_equal(
+        tabulate_distances(walls, places, first, 72, loops=loops, convert=encode), encode(plain)
+    )
+
+
+def test_codes_begin_where_the_formula_says():
+    generator = np.random.default_rng(5)
+    distances = np.concatenate(
+        [np.exp(generator.uniform(math.log(1e-3), math.log(100.0), 200_000)), code_distances()]
+    )
+    low, high = math.asinh(1.0 / 40.0), math.asinh(100.0)
+    reading = np.minimum(1.0 / distances, 100.0)
+    position = np.round((np.arcsinh(reading) - low) / (high - low) * 255, 7)
+    assert np.array_equal(encode(distances), np.clip(np.floor(position + 0.5), 0, 255))
+    # Around every step, to the last bit.
+    coded = encode(np.sort(distances))
+    assert (np.diff(coded.astype(int)) <= 0).all()
+    assert encode(np.array([-0.0, -1.0, np.nan, np.inf, 1e300, 5e-324])).tolist() == [255] * 4 + [0, 255]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_wall_distances_of_many_places_are_those_of_each(seed):
+    walls = WallMap.from_lab(_random_lab(seed))
+    places = np.random.default_rng(seed).uniform((-6, -6), (18, 14), (3000, 2))
+    for tile in (0.5, 2.0, 40.0):
+        assert np.array_equal(wall_distances(walls, places, tile), walls.distance(*places.T))
+    assert wall_distances(walls, places[:0]).shape == (0,)
+
+
+def test_points_in_polygons_are_the_same_many_at_once_and_one_at_a_time():
+    walls = WallMap.from_lab(_random_lab(4))
+    x, y = np.random.default_rng(4).uniform((0, 0), (12, 8), (2000, 2)).T
+    inside = walls.point_in_polygons(x, y)
+    assert 0 < inside.sum() < 2000
+    assert inside.tolist() == [bool(walls.point_in_polygons(*place)) for place in zip(x, y, strict=True)]
 
 
 def test_the_lattice_keeps_exactly_the_squares_with_free_poses(small_lab):

@@ -25,6 +25,7 @@ LIBRARY = {
     "system": {"reprs"},
     "arrays": set(),
     "command_line": {"errors", "plaintext", "system", "version"},
+    "machine_code": {"errors"},
     "processes": set(),
     "progress": set(),
     "plaintext": set(),
@@ -34,7 +35,7 @@ LIBRARY = {
     "labs": {"errors"},
     "geometry": WORLD,
     "physics": WORLD | {"geometry"},
-    "bayes": {"reprs"},
+    "bayes": {"errors", "machine_code", "reprs"},
     "infrared": SHAPES | {"bayes"},
     "protocol": WORLD,
     "files": WORLD | {"geometry", "protocol", "system"},
@@ -42,7 +43,7 @@ LIBRARY = {
     "net": {"errors", "overlay", "protocol", "reprs", "system"},
     "client": WORLD | {"files", "labs", "localization", "net", "protocol", "system"},
     "croblink": {"client", "errors", "net", "protocol"},
-    "localization": SHAPES | {"infrared", "processes", "protocol", "system"},
+    "localization": SHAPES | {"infrared", "machine_code", "processes", "protocol", "system"},
     "checks": SHAPES | {"files", "infrared", "labs", "localization"},
     "plot": SHAPES | {"bayes", "files", "infrared", "labs", "localization", "plaintext"},
 }
@@ -86,6 +87,7 @@ SIMULATOR_COMMAND_LINE = {"__init__", "__main__", "assembly", "cli", "options"}
 LAZY = {"scipy", "matplotlib", "numba", "lxml"}
 # Compiled loops: these modules are themselves imported only where the extra `fast` is asked for.
 ITSELF_LAZY = {
+    "ciberrato/bayes/loops.py",
     "ciberrato/infrared/cone_compiled.py",
     "ciberrato/localization/belief/kernels.py",
     "simulator_stub/batch/loops.py",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes.arraytypes import FloatArray
+from ciberrato.bayes.checks import floats
 
 
 def whole_number(value: Any, what: str) -> int:
@@ -58,9 +59,14 @@ def look_up(table: Mapping[Any, Any], control: Any, what: str) -> Any:
     raise ValueError(f"no {what} for command {control!r}; the commands are {known}")
 
 
-def check_belief(belief: ArrayLike, shape: Sequence[int] | None = None) -> FloatArray:
-    """Return a belief as an array; ValueError if it has another shape, or an entry that is no probability."""
-    values: FloatArray = np.asarray(belief, dtype=float)
+def check_belief(
+    belief: ArrayLike, shape: Sequence[int] | None = None, *, single: bool = False
+) -> FloatArray:
+    """Return a belief as an array; ValueError if it has another shape, or an entry that is no probability.
+
+    With `single` an array of single precision stays one.
+    """
+    values = floats(belief) if single else np.asarray(belief, dtype=float)
     if shape is not None and values.shape != tuple(shape):
         raise ValueError(f"belief has shape {values.shape}, the space {tuple(shape)}")
     # nan fails both comparisons; the ufuncs themselves, because small beliefs are checked in no time.

@@ -129,6 +129,15 @@ def turn_matrix(size: int, turn: float, sigma: float, *, before: int = 1, after:
     return np.asarray(rows[:, _turned(size, after)].swapaxes(0, 1).reshape(-1, count))
 
 
+def turn_band(size: int, turn: float, sigma: float) -> tuple[int, FloatArray]:
+    """Return what is not zero of a row of `turn_matrix`: its first cell, and the probabilities from there."""
+    if sigma <= 2 * size:
+        kernel = gaussian_kernel(turn, sigma**2)
+        if len(kernel.weights) <= size:
+            return kernel.first, np.maximum(kernel.weights, 0.0)
+    return 0, np.ascontiguousarray(turn_matrix(size, turn, sigma)[0])
+
+
 @lru_cache(maxsize=16)
 def _turned(size: int, parts: int) -> IntArray:
     """Return [k, i]: the part of a cell that k cells' turn brings to part i, (size, size * parts)."""
@@ -189,7 +198,7 @@ def drive(images: FloatArray, kernels: LatticeKernels, out: FloatArray | None = 
     else:
         taken, some = images, pairs
     taken, some = taken.reshape(count, 1, -1), some.reshape(count, -1, rows * columns)
-    return np.asarray(np.matmul(taken, some).reshape(images.shape))
+    return np.asarray(np.matmul(taken, some).reshape(images.shape), dtype=images.dtype)
 
 
 def move(
@@ -226,9 +235,9 @@ def move(
     FloatArray, shape (count, x, y)
     """
     rows, columns = images.shape[1:]
-    result = np.zeros((count, rows, columns)) if out is None else out
+    result = np.empty((count, rows, columns), dtype=images.dtype) if out is None else out
     result[...] = 0.0
-    scratch = np.empty((rows, columns))
+    scratch = np.empty((rows, columns), dtype=images.dtype)
     order = np.argsort(kernels.kernel, kind="stable")
     ends = np.searchsorted(kernels.kernel[order], np.arange(len(source) + 1))
     for k, (s, t) in enumerate(zip(source.tolist(), target.tolist(), strict=True)):

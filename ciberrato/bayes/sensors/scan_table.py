@@ -11,10 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.checks import positive, range_array, whole
 from ciberrato.bayes.spaces import StateSpace
@@ -44,6 +46,8 @@ class ScanLikelihood:
 
     def __call__(self, states: IntArray | None = None) -> NDArray[np.float32]:
         """Return it for states with these numbers, shape (n,); for all, shape of the space, if None."""
+        if compiled.kernels() is not None:
+            return self.table._compiled(states, self.worth)
         if states is None:
             return self.table._of_all(self.worth)
         return self.table._of_states(states, self.worth)
@@ -93,6 +97,8 @@ class ScanTable:
         # With an even number of beams none looks straight ahead: half a spacing, rounded to cells, is left
         # over.
         self.steps = (np.arange(beams) - (beams - 1) // 2) * spacing
+        self._spacing = spacing
+        compiled.load_for(space.size)
         places = space.centres()[:, :, 0, :2][free]
         x, y = np.ascontiguousarray(places[:, 0]), np.ascontiguousarray(places[:, 1])
         ranges = np.empty((headings.size, len(x)), dtype=np.float32)
@@ -110,6 +116,8 @@ class ScanTable:
         self._pairs = codes.astype(np.uint16) * _LEVELS + np.roll(codes, -spacing, axis=0)
         # Made when states are first asked for one by one.
         self._rows: NDArray[np.uint8] | None = None
+        # The codes place by place; made when machine code first asks for them.
+        self._by_place: NDArray[np.uint8] | None = None
         self._row_of: IntArray = np.where(free.ravel(), np.cumsum(free) - 1, -1)
 
     @property
@@ -130,8 +138,8 @@ class ScanTable:
     @property
     def nbytes(self) -> int:
         """Memory that the table takes."""
-        rows = 0 if self._rows is None else self._rows.nbytes
-        return self._codes.nbytes + self._pairs.nbytes + self._row_of.nbytes + rows
+        others = [one for one in (self._rows, self._by_place) if one is not None]
+        return sum(one.nbytes for one in (self._codes, self._pairs, self._row_of, *others))
 
     def log_likelihood(
         self,
@@ -159,7 +167,8 @@ class ScanTable:
         -------
         ndarray of float32, shape (x, y, heading) or (n,)
             -inf where the robot cannot be; a beam counts -1e4 at least. Sums of 200 beams are right to
-            0.01.
+            0.01. In machine code (`ciberrato.bayes.compiled`) they are added up in another order, and differ
+            by at most 1.2e-7 for each beam times the sum of what the beams are worth.
 
         Raises
         ------
@@ -221,3 +230,27 @@ class ScanTable:
             total += part.astype(np.float32)
         total[row < 0] = -np.inf
         return total
+
+    def _compiled(self, states: IntArray | None, worth: FloatArray) -> NDArray[np.float32]:
+        """Return the log likelihood of all states or some, by machine code."""
+        loops: Any = compiled.kernels()
+        if self._by_place is None:
+            self._by_place = np.ascontiguousarray(self._codes.T)
+        beams, headings = len(worth), len(self._codes)
+        stride = -(-(beams + 2 * loops.LEAD) // 8) * 8
+        table = np.zeros((_LEVELS, stride), dtype=np.float32)
+        table[:, loops.LEAD : loops.LEAD + beams] = worth[::-1].T
+        given = self._by_place, self._row_of, table.ravel(), stride
+        high = int(self.steps.max())
+        if states is not None:
+            some = np.ascontiguousarray(states, dtype=np.intp)
+            chosen = np.empty(len(some), dtype=np.float32)
+            loops.scan_states(*given, beams, self._spacing, high, some, chosen)
+            return chosen
+        result = np.empty((len(self._row_of), headings), dtype=np.float32)
+        compiled.share(
+            lambda begin, end: loops.scan_places(*given, self._spacing, high, result, begin, end),
+            len(result),
+            result.size,
+        )
+        return result.reshape(self.space.shape)

@@ -12,6 +12,7 @@ from pathlib import Path
 from ciberrato.command_line import ProgramParser
 from ciberrato.errors import UsageError
 from ciberrato.grading.conformance.rows import NAMES, ROWS
+from ciberrato.plaintext import plain_lines
 
 PROGRAM = "ciberrato-grade check"
 
@@ -95,7 +96,7 @@ def _check(options: argparse.Namespace, command: list[str]) -> int:
             step=bar.step,
         )
     bar.close()
-    print(f"{shlex.join(command)}\n\n{text_report(judged, failed_only=options.quiet)}")
+    print(f"{plain_lines(shlex.join(command))}\n\n{text_report(judged, failed_only=options.quiet)}")
     for path, write in ((options.json, json_report), (options.junit, junit_report)):
         if path is not None:
             replace_file(path, write(judged, command).encode())

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from xml.etree import ElementTree
 
 from ciberrato.grading.conformance.check import Judged
-from ciberrato.plaintext import plain
+from ciberrato.plaintext import plain, plain_lines, xml_text
 
 FORMAT = 1
 LAST_LINES = 8
@@ -67,7 +67,8 @@ def json_report(judged: Sequence[Judged], command: Sequence[str]) -> str:
     -------
     str
         An object with ``format``, ``command``, ``passed``, and ``rows``, a list of objects with ``name``,
-        ``passed``, ``done``, ``expected``, ``happened``, ``hint``, ``output``.
+        ``passed``, ``done``, ``expected``, ``happened``, ``hint``, ``output``. The agent's texts are without
+        control and unseen characters (U+FFFD in their place) but their line ends.
     """
     rows = [
         {
@@ -75,20 +76,15 @@ def json_report(judged: Sequence[Judged], command: Sequence[str]) -> str:
             "passed": one.passed,
             "done": one.row.done,
             "expected": one.row.expected,
-            "happened": one.happened,
+            "happened": plain_lines(one.happened),
             "hint": one.row.hint,
-            "output": one.output,
+            "output": plain_lines(one.output),
         }
         for one in judged
     ]
     passed = all(one.passed for one in judged)
     document = {"format": FORMAT, "command": list(command), "passed": passed, "rows": rows}
     return json.dumps(document, indent=2) + "\n"
-
-
-def _xml(text: str) -> str:
-    """Return a text that XML can hold, line by line."""
-    return "\n".join(plain(line).replace("\ufffe", "?").replace("\uffff", "?") for line in text.split("\n"))
 
 
 def junit_report(judged: Sequence[Judged], command: Sequence[str]) -> str:
@@ -111,13 +107,14 @@ def junit_report(judged: Sequence[Judged], command: Sequence[str]) -> str:
         "errors": "0",
     }
     root = ElementTree.Element("testsuites", counts, name="ciberrato conformance")
-    suite = ElementTree.SubElement(root, "testsuite", counts, name=_xml(shlex.join(command)))
+    suite = ElementTree.SubElement(root, "testsuite", counts, name=xml_text(shlex.join(command)))
     for one in judged:
         case = ElementTree.SubElement(suite, "testcase", classname="conformance", name=one.row.name)
         if not one.passed:
-            failure = ElementTree.SubElement(case, "failure", message=_xml(one.happened), type="conformance")
-            failure.text = _xml(text_report([one]).rpartition("\n\n")[0])
+            happened = xml_text(one.happened)
+            failure = ElementTree.SubElement(case, "failure", message=happened, type="conformance")
+            failure.text = xml_text(text_report([one]).rpartition("\n\n")[0])
         if one.output:
-            ElementTree.SubElement(case, "system-out").text = _xml(one.output)
+            ElementTree.SubElement(case, "system-out").text = xml_text(one.output)
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -50,6 +50,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
     from ciberrato.errors import UsageError
     from ciberrato.files.atomic import replace_file
     from ciberrato.grading.report import gradescope, junit, parquet, pieces, player, replay, site, tables
+    from ciberrato.grading.task import file_part
 
     texts = {
         "index.html": site.index_page(course, ranked, folder, missing=missing),
@@ -66,7 +67,7 @@ def write_report(course: Course, ranked: Sequence[Standing], folder: Path, *, mi
     # Numbered as in the course, not by place: a folder is the same agent's whatever the ranking.
     numbers = {agent.name: number for number, agent in enumerate(course.agents, 1)}
     for standing in ranked:
-        name = f"{numbers[standing.agent]:03d}-{gradescope.plain(standing.agent)}"
+        name = f"{numbers[standing.agent]:03d}-{file_part(standing.agent, 40)}"
         texts[f"gradescope/{name}/results.json"] = gradescope.results(course, standing)
     for path in folder.glob("gradescope/*/results.json"):
         if path.relative_to(folder).as_posix() not in texts:

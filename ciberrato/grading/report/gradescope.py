@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-import re
 from typing import TYPE_CHECKING, Any
+
+from ciberrato.plaintext import plain, plain_lines
 
 if TYPE_CHECKING:
     from ciberrato.grading.course import Course
@@ -33,10 +34,10 @@ def results(course: Course, standing: Standing) -> str:
         outcome = run.outcome
         passed = outcome.good and (passing is None or points >= passing)
         test: dict[str, Any] = {
-            "name": run.name,
+            "name": plain(run.name),
             "score": round(points, 6),
             "status": "passed" if passed else "failed",
-            "output": _words(run.outcome, str(run.measured.get("tail", ""))),
+            "output": plain_lines(_words(run.outcome, str(run.measured.get("tail", "")))),
             "output_format": "text",
             "visibility": "hidden" if course.hides(run.task.lab, run.task.seed) else "visible",
         }
@@ -52,7 +53,7 @@ def results(course: Course, standing: Standing) -> str:
         "tests": tests,
         "leaderboard": [
             {"name": "Points", "value": round(standing.total, 6)},
-            *({"name": name[:80], "value": round(points, 6)} for name, points in shown.labs.items()),
+            *({"name": plain(name, 80), "value": round(points, 6)} for name, points in shown.labs.items()),
         ],
     }
     return json.dumps(document, indent=1) + "\n"
@@ -66,8 +67,3 @@ def _words(outcome: Any, tail: str) -> str:
         f"{outcome.unanswered} unanswered, {outcome.late} late\n"
     )
     return text + (f"\nlast output:\n{tail}" if tail.strip() else "")
-
-
-def plain(name: str) -> str:
-    """Convert an agent's name into a folder's."""
-    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "x"

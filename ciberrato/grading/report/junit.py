@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
-from ciberrato.plaintext import plain
+from ciberrato.plaintext import plain, xml_text
 
 if TYPE_CHECKING:
     from ciberrato.grading.course import Course
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from ciberrato.grading.standing import Standing
 
 _NOTHING: tuple[int, ...] = (0, 0, 0, 0)
-_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit_document(course: Course, ranked: Sequence[Standing]) -> str:
@@ -33,10 +32,10 @@ def junit_document(course: Course, ranked: Sequence[Standing]) -> str:
     -------
     str
     """
-    root = ElementTree.Element("testsuites", name=_text(plain(course.title)))
+    root = ElementTree.Element("testsuites", name=xml_text(plain(course.title)))
     whole = _NOTHING
     for standing in ranked:
-        suite = ElementTree.SubElement(root, "testsuite", name=_text(plain(standing.agent)))
+        suite = ElementTree.SubElement(root, "testsuite", name=xml_text(plain(standing.agent)))
         counts = _NOTHING
         for run, points in standing.runs:
             kind = _case(course, suite, run, points)
@@ -73,8 +72,8 @@ def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float
     case = ElementTree.SubElement(
         suite,
         "testcase",
-        classname=_text(plain(f"{task.agent.name}.{task.lab.name}")),
-        name=_text(plain(run.name)),
+        classname=xml_text(plain(f"{task.agent.name}.{task.lab.name}")),
+        name=xml_text(plain(run.name)),
         time=_seconds(_milliseconds(run)),
     )
     kind, why = None, ""
@@ -89,15 +88,10 @@ def _case(course: Course, suite: ElementTree.Element, run: Graded, points: float
     if kind is not None:
         # What it is, without the cycle.
         type_ = re.sub(r" (at|since) \d+$", "", outcome.status) if not outcome.good else "points"
-        fault = ElementTree.SubElement(case, kind, message=_text(why), type=type_)
-        fault.text = _text(
+        fault = ElementTree.SubElement(case, kind, message=xml_text(why), type=type_)
+        fault.text = xml_text(
             f"{why}; score {outcome.score}, {outcome.collisions} collisions, time {outcome.time}"
         )
     if run.measured.get("tail"):
-        ElementTree.SubElement(case, "system-out").text = _text(run.measured["tail"])
+        ElementTree.SubElement(case, "system-out").text = xml_text(run.measured["tail"])
     return kind
-
-
-def _text(text: str) -> str:
-    """Replace what XML cannot hold, and what is not seen."""
-    return _NOT_XML.sub("\ufffd", "\n".join(map(plain, text.split("\n"))))

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ciberrato.plaintext import plain
+from ciberrato.plaintext import plain, plain_lines
 
 MOST_NAME_SHOWN = 40
 
@@ -28,7 +28,7 @@ def named(name: str) -> str:
 
 def told(text: str) -> str:
     """Write lines of others, without unseen signs."""
-    return escape("\n".join(map(plain, text.splitlines())))
+    return escape(plain_lines(text))
 
 
 def play_link(run: Graded, folder: Path) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ciberrato.errors import CiberratoError
 from ciberrato.grading.course import parameters_document
-from ciberrato.grading.task import plain
+from ciberrato.grading.task import file_part
 from ciberrato.grading.telling import shown
 from ciberrato.labs import find_grid, find_lab
 
@@ -82,4 +82,4 @@ def _named(path: Path, find: Callable[[str], Path], ending: str) -> str:
 
 
 def _parameters(lab: GradedLab) -> str:
-    return f"parameters/{plain(lab.name)}.xml"
+    return f"parameters/{file_part(lab.name)}.xml"

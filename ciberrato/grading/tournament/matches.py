@@ -9,7 +9,7 @@ import numpy as np
 from ciberrato.errors import UsageError
 from ciberrato.files.start_grid import default_grid, read_grid
 from ciberrato.grading.course import Agent, Course, GradedLab
-from ciberrato.grading.task import digest_of, of_agent, of_course, of_lab, plain
+from ciberrato.grading.task import digest_of, file_part, of_agent, of_course, of_lab
 from ciberrato.grading.tournament.schedule import Meeting, schedule
 from ciberrato.reprs import short_repr
 
@@ -90,7 +90,7 @@ def matches_of(course: Course) -> list[Match]:
                     ["tournament", common, [programs[one] for one in meeting.agents], world, seed]
                 )
                 number = f"{meeting.round}-{meeting.group}-{meeting.turn}"
-                file = f"t{number}-{plain(lab.name)}-{seed}-{key[:8]}"
+                file = f"t{number}-{file_part(lab.name)}-{seed}-{key[:8]}"
                 agents = tuple(course.agents[one] for one in meeting.agents)
                 found.append(Match(agents, lab, seed, meeting, key, file))
     return found

@@ -10,45 +10,18 @@ tenth of one. ``CIBERRATO_COMPILED`` is ``auto`` (the default: if numba is there
 from __future__ import annotations
 
 import contextlib
-import importlib.util
-import os
 import sys
 from pathlib import Path
 from types import ModuleType
 
 from ciberrato.errors import UsageError
+from ciberrato.machine_code import VARIABLE, available, choice
 
-CHOICES = ("auto", "on", "off")
-VARIABLE = "CIBERRATO_COMPILED"
-LOOPS = 9
+__all__ = ["VARIABLE", "at_hand", "available", "choice", "kernels", "load", "use"]
+LOOPS = 11
 """Number of compiled functions."""
 
 _active: ModuleType | None = None
-
-
-def choice() -> str:
-    """Return the choice of the environment variable.
-
-    Returns
-    -------
-    {"auto", "on", "off"}
-
-    Raises
-    ------
-    UsageError
-        If it is something else, or machine code is asked for and numba is not there.
-    """
-    chosen = os.environ.get(VARIABLE) or "auto"
-    if chosen not in CHOICES:
-        raise UsageError(f"{VARIABLE}: {chosen!r} is not {', '.join(CHOICES)}")
-    if chosen == "on" and not available():
-        raise UsageError(f"{VARIABLE}=on needs numba: pip install 'ciberrato[fast]'")
-    return chosen
-
-
-def available() -> bool:
-    """Return whether numba is installed."""
-    return importlib.util.find_spec("numba") is not None
 
 
 def at_hand() -> bool:

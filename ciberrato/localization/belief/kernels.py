@@ -3,8 +3,9 @@
 """The pose filter's loops over all states, in machine code made by numba.
 
 The same operations, of the same precision, in the same order as in
-`ciberrato.localization.belief.pose_belief`, `ciberrato.localization.belief.reweight` and
-`ciberrato.infrared.cone_scalar`: with numba the numbers are the same to the last bit, only sooner. Nothing
+`ciberrato.localization.belief.pose_belief`, `ciberrato.localization.belief.reweight`,
+`ciberrato.infrared.sweep` and `ciberrato.infrared.cone_scalar`: with numba the numbers are the same to the
+last bit, only sooner. Nothing
 here may allow the compiler to reorder (``fastmath``): states that look alike would come out different.
 
 Imported by `ciberrato.localization.belief.compiled` only.
@@ -142,3 +143,39 @@ def cone_distances(faces, seen, rows, sectors, x, y, cosine, sine):
                 nearest = math.nan  # the list ends before the nearest wall
         result[sensor] = nearest
     return result
+
+
+@_jit
+def paint_faces(rays, across, offsets, runs, rates, leads, lows, highs, touch):
+    """Apply faces to distances along rays; see `ciberrato.infrared.sweep`."""
+    count = across.shape[0]
+    for number in range(runs.shape[0]):
+        face, offset = runs[number, 0], offsets[number]
+        least = -touch if runs[number, 3] else -math.inf
+        for step in range(runs[number, 2]):
+            row = (runs[number, 1] + step) % count
+            factor, aside = rates[face, row, 0], across[row]
+            for ray in range(3):
+                ahead, low, high = leads[face, ray, row, 0], lows[face, ray, row, 0], highs[face, ray, row, 0]
+                nearest = rays[ray, row]
+                for place in range(offset.shape[0]):
+                    reach, old, here = factor * offset[place] - ahead, nearest[place], aside[place]
+                    seen = (here >= low) & (here <= high) & (reach >= least) & (reach < old)
+                    nearest[place] = reach if seen else old
+
+
+@_jit
+def paint_corners(squared, along, across_left, across_right, squares, runs, aheads, lefts, rights):
+    """Apply corners to squared distances; see `ciberrato.infrared.sweep`."""
+    count = along.shape[0]
+    for number in range(runs.shape[0]):
+        corner, square = runs[number, 0], squares[number]
+        for step in range(runs[number, 2]):
+            row = (runs[number, 1] + step) % count
+            ahead, low, high = aheads[corner, row, 0], lefts[corner, row, 0], rights[corner, row, 0]
+            nearest, forward = squared[row], along[row]
+            at_left, at_right = across_left[row], across_right[row]
+            for place in range(square.shape[0]):
+                distance, old = forward[place] + square[place] - ahead, nearest[place]
+                seen = (at_left[place] >= low) & (at_right[place] <= high) & (distance < old)
+                nearest[place] = distance if seen else old

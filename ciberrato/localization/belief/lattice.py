@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.arrays import Floats
+from ciberrato.geometry.tiles import near_faces, wall_distances
 from ciberrato.geometry.walls import WallMap
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.reprs import short_repr
@@ -25,7 +26,6 @@ Indices = NDArray[np.int64]
 _PAD = 4  # nodes around the lab that are never free, so that shifts need no checks
 _TOLERANCE = 1e-6  # units; far above the arithmetic's error, so that equal places of a lab are treated alike
 _REACH = 0.75  # of the resolution; half of it to the square's edge, the rest for the belief's offset
-_BLOCK = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,8 +159,8 @@ def build_lattice(lab: Lab, resolution: float) -> Lattice:
     x, y = (grid.ravel() for grid in np.meshgrid(columns, rows))
     inside = (x > 0.0) & (x < lab.width) & (y > 0.0) & (y < lab.height)
     clearance = np.zeros(x.size)
-    clearance[inside] = _distances(walls, x[inside], y[inside])
     place = np.stack([x, y], axis=-1)
+    clearance[inside] = wall_distances(walls, place[inside])
     tight = np.flatnonzero(inside & (clearance < ROBOT_RADIUS - _TOLERANCE))
     near = tight[clearance[tight] > ROBOT_RADIUS - 1.5 * resolution]
     place[near], reached = _push_out(walls, place[near], resolution)
@@ -197,11 +197,6 @@ def _axis(length: float, resolution: float) -> Floats:
     return np.asarray(centre + resolution * np.arange(-before, after + 1), np.float64)
 
 
-def _distances(walls: WallMap, x: Floats, y: Floats) -> Floats:
-    parts = [walls.distance(x[low : low + _BLOCK], y[low : low + _BLOCK]) for low in range(0, len(x), _BLOCK)]
-    return np.concatenate(parts) if parts else np.zeros(0)
-
-
 def _push_out(walls: WallMap, place: Floats, resolution: float) -> tuple[Floats, NDArray[np.bool_]]:
     """Move places away from walls until they are free; say which are still in their square."""
     start, moved = place, place.copy()
@@ -221,13 +216,14 @@ def _push_out(walls: WallMap, place: Floats, resolution: float) -> tuple[Floats,
 def _nearest(walls: WallMap, place: Floats) -> tuple[Floats, Floats]:
     """Compute the nearest wall point to each place, and its distance."""
     foot, distance = np.empty_like(place), np.empty(len(place))
-    for low in range(0, len(place), _BLOCK):
-        part = place[low : low + _BLOCK, np.newaxis, :]
-        along = ((part - walls.start) * walls.direction).sum(axis=-1)
-        points = walls.start + np.clip(along, 0.0, walls.length)[..., np.newaxis] * walls.direction
-        squared = ((part - points) ** 2).sum(axis=-1)
+    for members, faces in near_faces(walls, place):
+        (start_x, start_y), (ux, uy) = walls.start[faces].T, walls.direction[faces].T
+        x, y = place[members, :1], place[members, 1:]
+        along = np.clip((x - start_x) * ux + (y - start_y) * uy, 0.0, walls.length[faces])
+        foot_x, foot_y = start_x + along * ux, start_y + along * uy
+        squared = (x - foot_x) ** 2 + (y - foot_y) ** 2
         best = squared.argmin(axis=1)
         rows = np.arange(len(best))
-        foot[low : low + _BLOCK] = points[rows, best]
-        distance[low : low + _BLOCK] = np.sqrt(squared[rows, best])
+        foot[members, 0], foot[members, 1] = foot_x[rows, best], foot_y[rows, best]
+        distance[members] = np.sqrt(squared[rows, best])
     return foot, distance

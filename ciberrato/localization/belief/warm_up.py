@@ -34,3 +34,7 @@ def call_all(kernels: ModuleType) -> None:
     faces, place = np.ones((1, 9)), np.zeros(1)
     seen = np.full((1, SECTORS, LONGEST + 1, 2), np.inf, np.float32)
     kernels.cone_distances(faces, seen, some[:1], some[:1], place, place, place, place)
+    column, rays = np.ones((1, 12, 1)), np.ones((3, 12, 2))
+    runs, three = np.zeros((1, 4), np.int64), np.ones((1, 3, 12, 1))
+    kernels.paint_faces(rays, rays[0], rays[0, :1], runs, column, three, three, three, 1.0)
+    kernels.paint_corners(*rays, rays[0], rays[0, :1], runs[:, :3].copy(), column, column, column)

@@ -13,19 +13,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.arrays import Floats
+from ciberrato.geometry.tiles import wall_distances
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import ideal_reading, sensor_distances
-from ciberrato.localization.evidence.beacons import BeaconSense
 from ciberrato.physics.kinematics import ROBOT_RADIUS
-from ciberrato.protocol.messages import BeaconReading
 from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Pose
 from ciberrato.world.lab import Lab
+
+if TYPE_CHECKING:
+    from ciberrato.localization.evidence.beacons import BeaconSense
+    from ciberrato.protocol.messages import BeaconReading
 
 _PARTS = (2, 3, 4, 5, 6, 8)
 _EQUAL = 0.02  # units; files give corners to some decimals only
@@ -81,14 +85,17 @@ def find_turns(lab: Lab, walls: WallMap, places: Floats, resolution: float) -> l
         Without the turn by nothing.
     """
     some = places[:: max(len(places) // _PLACES, 1)]
-    turns: list[Turn] = []
-    for turn in possible_turns(lab, walls):
-        if _keeps_nodes(turn, resolution):
-            continue  # the filter treats both alike by itself
-        back = Turn(turn.x, turn.y, 2.0 * math.pi - turn.angle)
-        if any(share_alike(each, walls, some) >= _MUCH for each in (turn, back)):
-            turns.append(turn)
-    return turns
+    # The filter treats nodes that take each other's places alike by itself.
+    turns = [turn for turn in possible_turns(lab, walls) if not _keeps_nodes(turn, resolution)]
+    both = [each for turn in turns for each in (turn, Turn(turn.x, turn.y, 2.0 * math.pi - turn.angle))]
+    # All at once: a point more costs little then.
+    moved = [_moved(each, some) for each in both]
+    here, *there = np.split(wall_distances(walls, np.concatenate([some, *moved]), tile=4.0), len(both) + 1)
+    alike = [
+        _share_alike(each, walls, (some, here), after) >= _MUCH
+        for each, after in zip(both, zip(moved, there, strict=True), strict=True)
+    ]
+    return [turn for number, turn in enumerate(turns) if alike[2 * number] or alike[2 * number + 1]]
 
 
 def possible_turns(lab: Lab, walls: WallMap) -> list[Turn]:
@@ -122,9 +129,21 @@ def share_alike(turn: Turn, walls: WallMap, places: Floats) -> float:
     float
         From 0 to 1; 0 where it is surely less than what matters to the filter.
     """
+    moved = _moved(turn, places)
+    return _share_alike(turn, walls, (places, walls.distance(*places.T)), (moved, walls.distance(*moved.T)))
+
+
+def _moved(turn: Turn, places: Floats) -> Floats:
     cosine, sine = math.cos(turn.angle), math.sin(turn.angle)
-    moved = (places - (turn.x, turn.y)) @ np.array([[cosine, sine], [-sine, cosine]]) + (turn.x, turn.y)
-    here, there = walls.distance(*places.T), walls.distance(*moved.T)
+    centre = np.array([turn.x, turn.y])
+    return np.asarray((places - centre) @ np.array([[cosine, sine], [-sine, cosine]]) + centre)
+
+
+def _share_alike(
+    turn: Turn, walls: WallMap, before: tuple[Floats, Floats], after: tuple[Floats, Floats]
+) -> float:
+    """Compute `share_alike` from places and their distances to the walls, before and after the turn."""
+    (places, here), (moved, there) = before, after
     alike = np.abs(here - there) < _EQUAL
     if alike.mean() < _MUCH:
         return 0.0

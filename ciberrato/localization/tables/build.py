@@ -2,7 +2,8 @@
 
 A thread would hold the interpreter's lock against the agent's loop, whose cycle is 50 ms. The request comes
 pickled on standard input from the parent process; the tables go to a file, the progress to standard
-output, a number a line, and behind that most memory held, in megabytes.
+output, a number a line, and behind that most memory held, in megabytes. Then the next request may come:
+starting a process and loading numpy takes as long as the tables of a small lab.
 """
 
 from __future__ import annotations
@@ -31,16 +32,24 @@ class TableRequest:
 
 
 def main() -> int:
-    """Compute the tables requested on standard input.
+    """Compute the tables requested on standard input, until it ends.
 
     Returns
     -------
     int
         Exit status: 0.
     """
-    request = pickle.load(sys.stdin.buffer)
-    assert isinstance(request, TableRequest)
     lower_priority()  # the loop that waits for this comes first
+    while True:
+        try:
+            request = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return 0
+        assert isinstance(request, TableRequest)
+        _compute(request)
+
+
+def _compute(request: TableRequest) -> None:
     from ciberrato.localization.tables.cache import write_tables
     from ciberrato.localization.tables.pose_tables import build_tables
     from ciberrato.system.memory import memory_megabytes
@@ -59,7 +68,6 @@ def main() -> int:
     tables.complete(request.lab)
     write_tables(request.path, tables)
     print(f"memory {memory_megabytes():.1f}", flush=True)
-    return 0
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.sweep import tabulate_distances
+from ciberrato.localization.belief import compiled
 from ciberrato.localization.belief.lattice import Lattice, build_lattice
 from ciberrato.localization.evidence.symmetry import Turn, find_turns
 from ciberrato.localization.tables.reading_codes import encode
@@ -211,8 +212,14 @@ def build_tables(
             if progress is not None:
                 progress((number + done) / len(fractions))
 
-        degrees = np.arange(BINS * steps) * (360.0 / (BINS * steps)) + fraction
-        distances = tabulate_distances(walls, lattice.representative, np.deg2rad(degrees), progress=part)
-        coded = encode(distances)
+        coded = tabulate_distances(
+            walls,
+            lattice.representative,
+            math.radians(fraction),
+            BINS * steps,
+            convert=encode,
+            loops=compiled.kernels(),
+            progress=part,
+        )
         codes.append(np.concatenate([coded, coded]))
     return PoseTables(lattice=lattice, steps=steps, codes=tuple(codes), sensors=sensors, fractions=fractions)

@@ -28,6 +28,8 @@ CODES = 256
 _FARTHEST = 40.0  # units; distances beyond are not distinguished
 _NODES = np.array([NormalDist().inv_cdf((k + 0.5) / 41) for k in range(41)])
 _ROUNDING = 0.1
+_SHIFT = 44  # bits of a double behind its exponent and the first eight of its mantissa
+_NEAREST = int(np.float64(CONTACT).view(np.int64)) >> _SHIFT
 _FAR_OFF = 12.0  # deviations beyond which a probability is below what outliers leave of double precision
 
 
@@ -120,13 +122,42 @@ def encode(distances: Floats) -> Codes:
     -------
     array of uint8, same shape
     """
-    reading = np.where(
-        (distances > CONTACT) & (distances < np.inf), 1.0 / np.maximum(distances, CONTACT), SATURATION
-    )
+    codes, greatest = _code_steps()
+    distances = np.ascontiguousarray(distances, np.float64)
+    # The leading bits of a double grow with it, and no two codes begin between two neighbours among them.
+    index = distances.view(np.int64) >> _SHIFT
+    index -= _NEAREST
+    np.clip(index, 0, len(codes) - 1, out=index)
+    coded = codes.take(index)
+    coded -= distances > greatest.take(index)
+    if not distances.max(initial=0.0) < np.inf:
+        coded[~(distances < np.inf)] = CODES - 1
+    return coded
+
+
+@lru_cache(maxsize=1)
+def _code_steps() -> tuple[Codes, Floats]:
+    """Return, by a distance's leading bits, the code of the nearest, and up to which distance it holds."""
+    code = np.arange(1, CODES)
+    low = np.full(CODES - 1, CONTACT).view(np.int64)
+    high = np.full(CODES - 1, 2.0 * _FARTHEST).view(np.int64)
+    for _ in range(64):  # the greatest distance with this code or a higher one, to the last bit
+        middle = low + (high - low) // 2
+        reached = _code_of(middle.view(np.float64)) >= code
+        low, high = np.where(reached, middle, low), np.where(reached, high, middle)
+    last = low.view(np.float64)
+    edges = np.arange(_NEAREST, (int(np.float64(2.0 * _FARTHEST).view(np.int64)) >> _SHIFT) + 2) << _SHIFT
+    codes = _code_of(edges.view(np.float64))
+    greatest = np.append(np.inf, last)[codes]
+    return codes.astype(np.uint8), greatest
+
+
+def _code_of(distances: Floats) -> NDArray[np.int64]:
+    reading = np.where(distances > CONTACT, 1.0 / np.maximum(distances, CONTACT), SATURATION)
     low, high = _scale(1.0 / _FARTHEST), _scale(SATURATION)
     # Rounded to 1e-7, so that places that are equal but for the arithmetic get equal codes.
     position = np.round((_scale(reading) - low) / (high - low) * (CODES - 1), 7)
-    return np.clip(np.floor(position + 0.5), 0, CODES - 1).astype(np.uint8)
+    return np.clip(np.floor(position + 0.5), 0, CODES - 1).astype(np.int64)
 
 
 def _scale(reading: NDArray[np.float64] | float) -> Floats:

@@ -149,6 +149,7 @@ class TableWorker:
             if not self._stopped:
                 self.error = error
         finally:
+            self._end_process()
             self._done.set()
 
     def _load_loops(self) -> None:
@@ -207,6 +208,26 @@ class TableWorker:
         from ciberrato.localization.tables.build import TableRequest
 
         request = pickle.dumps(TableRequest(self._lab, self._angles, resolution, 2, path))
+        process = self._process or self._begin_process()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            process.stdin.write(request)
+            process.stdin.flush()
+        except OSError:
+            pass  # it has ended already; what it left tells
+        for line in process.stdout:
+            if line.startswith(b"memory "):
+                self.megabytes = max(self.megabytes, float(line.split()[1]))
+                break
+            if self._progress is not None:
+                self._progress(which, float(line))
+        else:
+            self._end_process()
+        if self._progress is not None:
+            self._progress(which, 1.0)
+
+    def _begin_process(self) -> subprocess.Popen[bytes]:
         # A signal from the terminal is for the agent, which still needs the tables: hence the new session.
         self._process = subprocess.Popen(
             module_command("ciberrato.localization.tables.build"),
@@ -216,20 +237,14 @@ class TableWorker:
         )
         if self._stopped:
             self._process.terminate()
-        with self._process as process:
-            assert process.stdin is not None
-            assert process.stdout is not None
-            with contextlib.suppress(BrokenPipeError):  # it has ended already; what it left tells
-                process.stdin.write(request)
-                process.stdin.close()
-            for line in process.stdout:
-                if line.startswith(b"memory "):
-                    self.megabytes = max(self.megabytes, float(line.split()[1]))
-                elif self._progress is not None:
-                    self._progress(which, float(line))
-        self._process = None
-        if self._progress is not None:
-            self._progress(which, 1.0)
+        return self._process
+
+    def _end_process(self) -> None:
+        """Let the process that computes end, if there is one, and wait for it."""
+        process, self._process = self._process, None
+        if process is not None:
+            with contextlib.suppress(OSError):
+                process.__exit__(None, None, None)
 
 
 class TablesError(CiberratoError):

@@ -1,13 +1,21 @@
-"""Runs the agent as the course does, and looks at what came of it: `python -m pytest`."""
+"""Runs the agent as the course does, and by itself: `python -m pytest`.
+
+The fixtures `ciberrato_run` and `ciberrato_check` come with ciberrato; log and picture of failures are kept.
+"""
 
 import csv
 import subprocess
 import sys
+import tomllib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 HERE = Path(__file__).parent
+AGENT = tomllib.loads((HERE / "course.toml").read_text(encoding="utf-8"))["agent"][0]
+OPTIONS = {"folder": str(HERE / AGENT["folder"]), "build": AGENT.get("build")}
 
 
 @pytest.fixture(scope="session")
@@ -38,3 +46,17 @@ def test_it_answers_every_cycle(runs: list[dict[str, str]]) -> None:
 def test_it_makes_points(runs: list[dict[str, str]]) -> None:
     """Test that it makes points in at least one run."""
     assert max(float(run["points"]) for run in runs) > 0.0
+
+
+@pytest.mark.ciberrato(lab="maze", seeds=[1, 2], settings={"SimTime": 200})
+def test_it_leaves_its_place(ciberrato_run: Callable[..., Any]) -> None:
+    """Test that it drives: further tests of what it is to do in a lab go here."""
+    run = ciberrato_run(AGENT["command"], **OPTIONS)
+    assert run.status in ("finished", "time over")
+    assert abs(run.truth.x - run.truth.x[0]).max() + abs(run.truth.y - run.truth.y[0]).max() > 1.0
+
+
+@pytest.mark.parametrize("row", ["answers", "unasked", "lost", "doubled", "late"])
+def test_it_keeps_to_the_protocol(ciberrato_check: Callable[..., Any], row: str) -> None:
+    """Test that it copes with what networks do; `ciberrato-grade check --list` has all rows."""
+    ciberrato_check(AGENT["command"], row, **OPTIONS)

@@ -1,0 +1,71 @@
+"""Turn, drive, turn over all states in machine code: the prediction of `TurnDriveTurn` by two passes.
+
+The first turns each place's headings and lays the places of a row side by side, heading by heading; the
+second drives and turns again, row by row. A turn's matrix is mostly zeros, which are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ciberrato.bayes import compiled
+from ciberrato.bayes.arraytypes import BoolArray, FloatArray
+from ciberrato.bayes.checks import floats
+from ciberrato.bayes.motion.inputs import check_belief
+from ciberrato.bayes.motion.lattice import LatticeKernels
+from ciberrato.bayes.motion.passes import turn_band
+
+
+def predict_compiled(
+    belief: ArrayLike,
+    shape: tuple[int, ...],
+    free: BoolArray | None,
+    turns: Sequence[tuple[float, float]],
+    kernels: LatticeKernels,
+) -> FloatArray:
+    """Return the belief after a turn, a drive and a turn, off numpy's by 1e-14 of the greatest entry.
+
+    Parameters
+    ----------
+    belief : array_like, shape (x, y, heading)
+        Checked as by `check_belief`.
+    shape : tuple of int
+    free : BoolArray, shape (x, y), optional
+        What ends elsewhere is lost.
+    turns : two pairs (turn, sigma)
+        In heading cells.
+    kernels : LatticeKernels
+        One for each heading.
+    """
+    loops: Any = compiled.kernels()
+    values: FloatArray = np.ascontiguousarray(floats(belief))
+    rows, columns, headings = shape
+    if values.shape != tuple(shape):
+        check_belief(values, shape)
+    kind = values.dtype
+    first, last = ((cell, band.astype(kind)) for cell, band in (turn_band(headings, *turn) for turn in turns))
+    turned: FloatArray = np.empty((rows, headings, columns), dtype=kind)
+    wrong = compiled.share(
+        lambda begin, end: int(loops.turn_rows(values, first[1], first[0], turned, begin, end)),
+        rows,
+        values.size,
+    )
+    if any(wrong):
+        check_belief(values, shape)
+    order = np.argsort(kernels.kernel, kind="stable")
+    begins = np.searchsorted(kernels.kernel[order], np.arange(headings + 1))
+    cells, shares = kernels.cells[order], kernels.weights[order].astype(kind)
+    inside = np.ones((rows, columns), dtype=bool) if free is None else free
+    result: FloatArray = np.empty(shape, dtype=kind)
+    compiled.share(
+        lambda begin, end: loops.drive_and_turn(
+            turned, cells, shares, begins, inside, last[1], last[0], result, begin, end
+        ),
+        rows,
+        values.size,
+    )
+    return result
