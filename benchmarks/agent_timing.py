@@ -43,7 +43,7 @@ def start_rows() -> Iterator[Row]:
     """Process start to the first registration datagram, beside what Python itself and numpy take.
 
     In turns, as what else the machine does changes from second to second. All modules are compiled before:
-    whoever sets ``PYTHONDONTWRITEBYTECODE`` compiles ours, and not numpy's, at every start.
+    with ``PYTHONDONTWRITEBYTECODE`` set, ours would be compiled at every start, and not numpy's.
     """
     group = "process start: agent to first registration datagram, simulator to listening"
     works: dict[str, Callable[[], tuple[float, float]]] = {
@@ -77,7 +77,7 @@ def start_rows() -> Iterator[Row]:
 
 @contextlib.contextmanager
 def compiled_modules() -> Iterator[None]:
-    """Let the programs that are started keep their compiled modules in a folder of their own."""
+    """Make the programs that are started keep their compiled modules in a folder of their own."""
     names = ("PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX")
     before = {name: os.environ.pop(name, None) for name in names}
     with tempfile.TemporaryDirectory() as folder:

@@ -60,7 +60,7 @@ class _Resting(ClientProcess):
         return True
 
     def before_message(self) -> None:
-        """Look at nothing."""
+        """Do nothing."""
 
     after_message = before_message
 

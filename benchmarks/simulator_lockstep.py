@@ -172,7 +172,7 @@ for own in sockets:
 
 
 def echo(robots: int) -> tuple[float, float]:
-    """Have another process send and receive the same bytes; return the seconds and its processor time."""
+    """Send and receive the same bytes with another process; return the seconds and its processor time."""
     cycles = CYCLES[robots]
     command = [sys.executable, "-c", _ECHO, str(robots), str(cycles)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:

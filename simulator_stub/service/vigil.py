@@ -40,7 +40,7 @@ class Vigil:
     yield_processor : callable
         Let another process have the processor, if one waits for it.
     idle : callable
-        Seconds that the processors this process may use were idle, added up; None where nobody knows.
+        Seconds that the processors this process may use were idle, added up; None where the system does not say.
     count : int or None
         Number of those; None: as the system says.
 
@@ -68,7 +68,7 @@ class Vigil:
         self._due = self._looked_at + WINDOW
 
     def keep(self, poll: Callable[[float], bool], awaited: Sequence[RobotClient]) -> bool:
-        """Look until all have answered, or for as long as that may take.
+        """Wait until all have answered, or for as long as that may take.
 
         Parameters
         ----------
