@@ -77,7 +77,7 @@ def start_rows() -> Iterator[Row]:
 
 @contextlib.contextmanager
 def compiled_modules() -> Iterator[None]:
-    """Make the programs that are started keep their compiled modules in a folder of their own."""
+    """Set a folder of their own for the compiled modules of the programs that are started."""
     names = ("PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX")
     before = {name: os.environ.pop(name, None) for name in names}
     with tempfile.TemporaryDirectory() as folder:

@@ -40,7 +40,7 @@ class Vigil:
     yield_processor : callable
         Let another process have the processor, if one waits for it.
     idle : callable
-        Seconds that the processors this process may use were idle, added up; None where the system does not say.
+        Seconds that the processors this process may use were idle, added up; None where that is unknown.
     count : int or None
         Number of those; None: as the system says.
 
