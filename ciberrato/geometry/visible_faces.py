@@ -114,7 +114,7 @@ class ViewLists:
 
     def _ahead(self, order: Indices, x: float, y: float) -> Booleans:
         """Find which of some faces cones of each sector can meet from the square round a point."""
-        # By hand: BLAS would start threads for it, which get into one another's way on a busy machine.
+        # By hand, as products so small do not need BLAS, nor its threads.
         across_x, across_y = self._across_x.reshape(-1, 1), self._across_y.reshape(-1, 1)
         start = across_x * (self._start_x[order] - x) + across_y * (self._start_y[order] - y)
         end = across_x * (self._end_x[order] - x) + across_y * (self._end_y[order] - y)
