@@ -195,6 +195,18 @@ class Exchange:
             return 0
         return sum(one.time >= arrived - self._on_the_way and not one.stop for one in self._sent)
 
+    def is_unsure(self, arrived: float | None) -> bool:
+        """Return whether the cycle in which answers act is not known exactly.
+
+        Parameters
+        ----------
+        arrived : float or None
+            See `command_in_effect`.
+        """
+        if arrived is not None and self.round_trip > 0.0 and not self.lockstep and not self.pace.is_known:
+            return True  # answers are late if this is real time, which the first messages do not tell
+        return self.under_way(arrived) > 0
+
     @property
     def _on_the_way(self) -> float:
         return self.round_trip if self.pace.is_real_time and not self.lockstep else 0.0

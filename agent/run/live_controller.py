@@ -95,7 +95,7 @@ class LiveController:
         if self.exchange.is_relayed:
             live.budget = _RELAYED_BUDGET * self.exchange.pace.seconds
             later = not newest and measures.start
-        if self.exchange.under_way(arrived):
+        if self.exchange.is_unsure(arrived):
             self.localizer.live.unsure = True  # answers act cycles later, which one is not known exactly
         if self.exchange.judge(measures) is News.FRESH:
             acted = self.exchange.command_in_effect(arrived, measures.time)

@@ -48,9 +48,14 @@ class Pace:
             self._heard.append((now, time))
 
     @property
+    def is_known(self) -> bool:
+        """Return whether enough messages have been heard to tell real time from any other pace."""
+        return self._lockstep or len(self._heard) >= _LEAST
+
+    @property
     def is_real_time(self) -> bool:
         """Return whether cycles take about as long as announced; False before that is known."""
-        if self._lockstep or len(self._heard) < _LEAST:
+        if self._lockstep or not self.is_known:
             return False
         (first, begin), (last, end) = self._heard[0], self._heard[-1]
         nominal = self.seconds * (end - begin)
