@@ -1,7 +1,8 @@
 """Waiting for answers without going to sleep, for a bounded time.
 
-A processor with nothing to do takes time to wake, which may be longer than a client takes to answer. So lockstep looks for answers again and again before it sleeps, where that takes nothing from others:
-the clients leave a processor over, the processors were idle for some of the last time, and none is found to
+A processor with nothing to do takes time to wake, which may be longer than a client takes to answer. So
+lockstep looks for answers again and again before it sleeps, where that takes nothing from others: the
+clients leave a processor over, the processors were idle for some of the last time, and none is found to
 have waited for this one. On systems that do not say how long they were idle, it always sleeps.
 """
 
