@@ -16,6 +16,7 @@ from ciberrato.arrays import Booleans, Floats, Integers
 from ciberrato.geometry.tiles import Tiles, box_corners, box_distances, point_box_distances
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, SENSOR_OFFSET
+from ciberrato.reprs import short_repr
 
 TOUCH = 1e-9
 """Units by which a ray may miss a face's end, or a sensor be behind a face, and still see it."""
@@ -170,6 +171,8 @@ class TilePlan:
     hidden, hidden_apart : array of bool
         Whether the face is a far side of a convex wall, of any; of one that no robot touches.
     """
+
+    __repr__ = short_repr
 
     distance: Floats
     first: Integers

@@ -111,7 +111,7 @@ def agent(tmp_path: Path) -> Iterator[Callable[..., Agent]]:
         "import:agent.commands",
         "import:argparse",
         "call:agent.commands.drive:settings_of",
-        "import:agent.run.session",
+        "import:agent.run.settings",
     ],
 )
 def test_before_there_is_anything_to_save_it_ends_at_once(

@@ -42,7 +42,7 @@ class Middle:
     def observe(self, measures, command):
         self.seen.append((measures.time, measures.infrared, command))
     def estimate(self):
-        return SimpleNamespace(x=4.0, y=3.0, heading=0.0, probability=0.96)
+        return SimpleNamespace(x=4.0, y=3.0, heading=0.0, probability=0.996)
 def silent(setup):
     return SimpleNamespace(observe=lambda measures, command: None, estimate=lambda: None)
 def boasting(setup):
@@ -125,7 +125,7 @@ def test_a_filter_that_was_changed_is_run_again(work, capsys):
     assert main(words) == 0
     assert main(words) == 0
     assert len(read_evaluation(work / "e.jsonl").results) == 1
-    (work / "own_filter.py").write_text(OWN.replace("0.96", "0.5"))
+    (work / "own_filter.py").write_text(OWN.replace("0.996", "0.5"))
     del sys.modules["own_filter"]
     assert main(words) == 0
     assert len(read_evaluation(work / "e.jsonl").results) == 2

@@ -103,7 +103,7 @@ def test_a_client_finds_its_robot_and_nothing_is_left_running(small_lab, tmp_pat
         found = run(client, localizer, 120)
     assert is_right(client, found[-1])
     assert found[-1].time == 120
-    assert found[-1].entropy < found[0].entropy - 5.0
+    assert found[-1].entropy < found[0].entropy - 2.0
     assert len(started) >= 1  # a process for both lattices
     assert all(process.returncode is not None for process in started)
     assert set(threading.enumerate()) == before
