@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import zlib
 from pathlib import Path
 
 from ciberrato.errors import LabError
@@ -33,7 +34,7 @@ def is_simulator_log(path: Path) -> bool:
             if start.startswith(GZIP_MAGIC):
                 stream.seek(0)
                 start = gzip.GzipFile(fileobj=stream).read(64)
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         raise LabError(
             f"cannot read the log: {getattr(error, 'strerror', None) or error}", source=str(path)
         ) from None

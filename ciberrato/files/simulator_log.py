@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import codecs
 import gzip
+import zlib
 import re
 from collections import deque
 from collections.abc import Iterator
@@ -234,7 +235,7 @@ def _pieces(path: str | Path) -> Iterator[bytes]:
         raise UsageError(f"{path}: no such file; check the path") from None
     except IsADirectoryError:
         raise UsageError(f"{path}: is a directory; name a log in it") from None
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise UsageError(f"{path}: cannot be read ({reason}); check the file and its permissions") from None
 

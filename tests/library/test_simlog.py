@@ -10,6 +10,7 @@ import pytest
 
 from ciberrato.errors import LabError, UsageError
 from ciberrato.files.lab import read_lab
+from ciberrato.files.log_kind import is_simulator_log
 from ciberrato.files.simulator_log import LogStream, read_simulator_log
 from ciberrato.protocol import Actions
 from tests.recordings import OWN
@@ -142,6 +143,10 @@ def test_what_is_no_log_is_refused_with_its_line(
 def test_a_file_that_cannot_be_read_is_an_error_of_use(tmp_path: Path) -> None:
     broken = tmp_path / "sim.log.gz"
     broken.write_bytes(gzip.compress(b"<Log>")[:12])
-    for path in (tmp_path / "none.log", tmp_path, broken):
+    damaged = tmp_path / "damaged.log.gz"  # the lengths of its block do not fit together
+    damaged.write_bytes(b"\x1f\x8b\x08\0\0\0\0\0\0\x03" + b"\x00\x01\x02\x03\x04<Log>")
+    for path in (tmp_path / "none.log", tmp_path, broken, damaged):
         with pytest.raises(UsageError, match=str(path)):
             read_simulator_log(path)
+    with pytest.raises(LabError, match=r"invalid stored block lengths"):
+        is_simulator_log(damaged)
