@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import codecs
 import gzip
-import zlib
 import re
+import zlib
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
