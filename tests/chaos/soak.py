@@ -38,6 +38,8 @@ SIM_TIME = 1000
 MOST_RUNS = 1_000_000
 PERIOD = 0.050
 ANSWER = b'<Actions LeftMotor="%.2f" RightMotor="%.2f"/>'
+_PATIENCE = 20.0
+"""Seconds for an answer: who gives up too soon has a robot in the run that will never drive."""
 _TIME = re.compile(rb'<Measures Time="(\d+)')
 _OVER = b'Start="Off" Stop="Off"'
 
@@ -138,7 +140,7 @@ async def join(port: int, position: int, *, tcp: bool) -> Agent | StreamAgent:
             agent.address = ("127.0.0.1", port)
         agent.send(registration)
         with contextlib.suppress(asyncio.TimeoutError, OSError, asyncio.IncompleteReadError):
-            if b'Status="Ok"' in await asyncio.wait_for(agent.receive(), 1.0):
+            if b'Status="Ok"' in await asyncio.wait_for(agent.receive(), _PATIENCE):
                 return agent
         agent.close()
         await asyncio.sleep(0.02)
