@@ -195,7 +195,7 @@ def museum_grid() -> Iterator[Row]:
     def look() -> np.ndarray:
         return hall.table.log_likelihood(scan, museum.BEAM.beam_log_likelihood, weight=museum.WEIGHT)
 
-    fast_loops, plain = compiled.kernels(1), None
+    fast_loops, plain = compiled.kernels(states), None
     compiled.use(plain)
     scores = look()
     # A beam model by plain loops, for a few states.
