@@ -14,35 +14,13 @@ from __future__ import annotations
 import argparse
 import os
 import statistics
-import subprocess
-import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.agent_live import Live, run
+from benchmarks.busy import busy
 
 KINDS = {"numpy": ("off", 50), "numba": ("auto", 20)}
-_COUNTING = """
-import os
-parent = os.getppid()
-while os.getppid() == parent:
-    for _ in range(1_000_000):
-        pass
-"""
-
-
-@contextmanager
-def busy(count: int) -> Iterator[None]:
-    """Keep so many processors busy."""
-    processes = [subprocess.Popen([sys.executable, "-c", _COUNTING]) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
 
 
 def line(name: str, cycle_time: int, runs: list[Live]) -> str:

@@ -22,11 +22,12 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.busy import busy
 from ciberrato.files.run_log import read_run
 from ciberrato.system.process import processors
 
@@ -34,13 +35,6 @@ SURE = 0.9
 OFF = 0.5
 PATIENCE = 4.0
 """Seconds that an agent may take to end."""
-BUSY = """
-import os
-parent = os.getppid()
-while os.getppid() == parent:
-    for _ in range(1_000_000):
-        pass
-"""
 
 
 @dataclass(frozen=True)
@@ -80,18 +74,6 @@ class Outcome:
             f"{self.missed} of {self.cycles} cycles not answered, {self.driven:.1f} units driven, "
             f"answers {self.slow:.0f} ms (99 %), {self.most:.0f} ms (most)"
         )
-
-
-@contextlib.contextmanager
-def busy(count: int) -> Iterator[None]:
-    """Keep so many cores busy."""
-    processes = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
 
 
 def run(lab: str, drive: str, seed: int, cycles: int, speed: float, niceness: int, late: bool) -> Outcome:
