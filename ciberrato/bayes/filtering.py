@@ -163,19 +163,20 @@ def update(
 def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
     """Return what `update` does, by machine code; None where it is not plain that it can."""
     loops: Any = compiled.kernels(belief.size)
-    best = float(np.maximum.reduce(log_likelihood, axis=None))
     flat, scores = np.ascontiguousarray(belief).ravel(), np.ascontiguousarray(log_likelihood).ravel()
+    size = flat.size
+    best = float(np.max(compiled.share(lambda begin, end: loops.greatest(scores, begin, end), size, size)))
     if not -math.inf < best < math.inf:
         return None
     weights = np.empty(belief.shape)
     products = weights.ravel()
-    greatest = 1e300 / flat.size
+    greatest = 1e300 / size
     parts = compiled.share(
         lambda begin, end: loops.products(
-            flat, scores, best, _FAR, _PLAIN_LEAST, greatest, products, begin, end
+            flat, scores, best, _FAR, _PLAIN_LEAST, 0.0, greatest, products, begin, end
         ),
-        flat.size,
-        flat.size,
+        size,
+        size,
     )
     total = math.fsum(part[0] for part in parts)
     if any(part[2] for part in parts) or not _SAFE_TOTAL < total < _PLAIN_TOTAL:
@@ -184,7 +185,7 @@ def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatA
     if any(part[1] for part in parts):
         lost = _finish(weights, total, belief, log_likelihood, float(belief.max()), log_evidence)
         return Update.of(_written(weights, out), log_evidence, lost)
-    compiled.share(lambda begin, end: loops.scale(products, 1.0 / total, begin, end), flat.size, flat.size)
+    compiled.share(lambda begin, end: loops.scale(products, 1.0 / total, begin, end), size, size)
     return Update(_written(weights, out), log_evidence)
 
 

@@ -167,7 +167,7 @@ def test_posteriors_are_those_of_numpy(with_and_without, precision, spread):
 def test_the_exponential_is_right_to_three_units_in_the_last_place(loops):
     scores = np.concatenate([-np.linspace(0.0, 600.0, 4000), -np.logspace(-12, 2, 500)])
     found = np.empty(len(scores))
-    loops.products(np.ones(len(scores)), scores, 0.0, -600.0, 0.0, 1.0, found, 0, len(scores))
+    loops.products(np.ones(len(scores)), scores, 0.0, -600.0, 0.0, 0.0, 1.0, found, 0, len(scores))
     with localcontext() as context:
         context.prec = 40
         for value, result in zip(scores[::17].tolist(), found[::17].tolist(), strict=True):

@@ -74,7 +74,7 @@ class TurnDriveTurn:
     free: BoolArray | None = None
     window: float = 4.0
     skip_below: float = 0.0
-    _work: dict[tuple[int, Any], FloatArray] = field(
+    _work: dict[Any, FloatArray] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -128,7 +128,12 @@ class TurnDriveTurn:
             turns = (steps, rot1 / width), ((control.rot2 + left) / width, rot2 / width)
             return Prediction(
                 predict_compiled(
-                    belief, self.space.shape, self.free, turns, self._kernels(control, 1, left, cut)
+                    belief,
+                    self.space.shape,
+                    self.free,
+                    turns,
+                    self._kernels(control, 1, left, cut),
+                    self._work,
                 ),
                 0.0,
                 truncated,

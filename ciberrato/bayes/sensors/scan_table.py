@@ -237,20 +237,27 @@ class ScanTable:
         if self._by_place is None:
             self._by_place = np.ascontiguousarray(self._codes.T)
         beams, headings = len(worth), len(self._codes)
-        stride = -(-(beams + 2 * loops.LEAD) // 8) * 8
-        table = np.zeros((_LEVELS, stride), dtype=np.float32)
-        table[:, loops.LEAD : loops.LEAD + beams] = worth[::-1].T
-        given = self._by_place, self._row_of, table.ravel(), stride
+        stride = -(-beams // loops.LANES) * loops.LANES
+        table = _aligned((_LEVELS + 1) * stride)
+        table.reshape(-1, stride)[:_LEVELS, :beams] = worth[::-1].T
+        given = self._by_place, self._row_of, table, stride, beams, self._spacing
         high = int(self.steps.max())
         if states is not None:
             some = np.ascontiguousarray(states, dtype=np.intp)
             chosen = np.empty(len(some), dtype=np.float32)
-            loops.scan_states(*given, beams, self._spacing, high, some, chosen)
+            loops.scan_states(*given, high, some, chosen)
             return chosen
-        result = np.empty((len(self._row_of), headings), dtype=np.float32)
+        result = np.empty(self.space.size, dtype=np.float32)
         compiled.share(
-            lambda begin, end: loops.scan_places(*given, self._spacing, high, result, begin, end),
-            len(result),
+            lambda begin, end: loops.scan_places(*given, high, result, begin, end),
+            len(self._row_of),
             result.size,
         )
         return result.reshape(self.space.shape)
+
+
+def _aligned(size: int) -> NDArray[np.float32]:
+    """Return zeros that begin with a cache line."""
+    room = np.zeros(size + 16, dtype=np.float32)
+    begin = -room.ctypes.data % 64 // 4
+    return room[begin : begin + size]
