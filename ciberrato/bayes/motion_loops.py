@@ -20,6 +20,7 @@ from ciberrato.bayes.vectors import (
     splat,
     store,
     transpose,
+    zeros,
 )
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
@@ -34,7 +35,7 @@ STRIP = 4 * LANES
 def _turn(lines, base, weights, blocks, out):
     """Convolve: line h of the result is the sum of weights[k] times line h + taps - 1 - k."""
     taps = weights.shape[0]
-    zero = load(np.zeros(LANES, out.dtype), _U(0))
+    zero = load(zeros(LANES, out.dtype), _U(0))
     for block in range(blocks):
         a, b, c, d, e, f, g, h = zero, zero, zero, zero, zero, zero, zero, zero
         at = base + _U(LANES * (LANES * block + taps - 1))
@@ -84,11 +85,11 @@ def turn_rows(belief, shape, weights, first, out, margin, begin, end):
     rows, columns, size = shape
     wide, taps = out.shape[0] // (rows * size), weights.shape[0]
     blocks, whole = -(-size // LANES), size // LANES
-    tile = np.zeros(LANES * LANES * blocks, belief.dtype)
-    plain = np.zeros(LANES * LANES * blocks, belief.dtype)
-    turned = np.zeros(LANES * LANES * blocks, belief.dtype)
-    lines = np.zeros(LANES * (LANES * blocks + taps), belief.dtype)
-    zero = load(np.zeros(LANES, out.dtype), _U(0))
+    tile = zeros(LANES * LANES * blocks, belief.dtype)
+    plain = zeros(LANES * LANES * blocks, belief.dtype)
+    turned = zeros(LANES * LANES * blocks, belief.dtype)
+    lines = zeros(LANES * (LANES * blocks + taps), belief.dtype)
+    zero = load(zeros(LANES, out.dtype), _U(0))
     most = load(np.full(LANES, np.finfo(belief.dtype).max, belief.dtype), _U(0))
     start = (1 - first - taps) % size
     length = _U(LANES * blocks)
@@ -156,10 +157,10 @@ def drive_and_turn(turned, shape, margin, moves, shares, begins, free, weights, 
     wide, taps = turned.shape[0] // (rows * size), weights.shape[0]
     blocks = -(-size // LANES)
     each = LANES * (LANES * blocks + taps)
-    lines = np.zeros(STRIP // LANES * each, out.dtype)
-    after = np.zeros(LANES * LANES * blocks, out.dtype)
-    tile = np.zeros(LANES * LANES * blocks, out.dtype)
-    zero = load(np.zeros(LANES, out.dtype), _U(0))
+    lines = zeros(STRIP // LANES * each, out.dtype)
+    after = zeros(LANES * LANES * blocks, out.dtype)
+    tile = zeros(LANES * LANES * blocks, out.dtype)
+    zero = load(zeros(LANES, out.dtype), _U(0))
     start = (1 - first - taps) % size
     for x in range(begin, end):
         for y in range(0, columns, STRIP):

@@ -11,25 +11,18 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ciberrato.bayes.vectors import (
-    LANES,
-    add,
-    load,
-    splat,
-    store,
-)
+from ciberrato.bayes.vectors import MANY, add, load_many, store, store_in_turn, zeros
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
-# Each vector of sums is one of these: directions that are a multiple of LANES apart, so that what a code is
-# worth to LANES headings is added as it lies in memory.
-_CLASSES = LANES
+RUN = 3 * MANY
+"""Beams whose worth is added at once: rows of the table of what codes are worth are a multiple of this long."""
 
 
 @_jit
-def scan_places(codes, row_of, worth, stride, beams, spacing, high, out, begin, end):
+def scan_places(codes, row_of, worth, beams, spacing, high, out, begin, end):
     """Sum up what the beams are worth, for all headings at some places.
 
     The code of one direction is worth something to as many headings as there are beams, a spacing apart: a
@@ -38,102 +31,125 @@ def scan_places(codes, row_of, worth, stride, beams, spacing, high, out, begin, 
     Parameters
     ----------
     codes : uint8, shape (rows, directions)
+        Those with remainder 0 by the spacing first, then 1, and so on.
     row_of : int, shape (places,)
         Row of codes, -1 where the robot cannot be.
-    worth : float32, shape (257 * stride,)
-        By code: the beams from left to right, then zeros; the last row is of zeros.
-    stride, beams, spacing, high : int
-        Length of these rows, a multiple of `LANES`; number of beams; headings between two beams; those from
-        straight ahead to the leftmost beam.
+    worth : float32, shape (256 * n * RUN,)
+        By code: the beams from left to right, then zeros.
+    beams, spacing, high : int
+        Number of beams; headings between two beams; those from straight ahead to the leftmost beam.
     out : float32, shape (places * headings,)
     """
     headings = codes.shape[1]
-    work = _scan_work(headings, stride, beams, spacing)
+    work = scan_work(headings, worth.shape[0] // 256, beams, spacing)
     for place in range(begin, end):
         row = row_of[place]
         if row < 0:
             out[place * headings : (place + 1) * headings] = -np.inf
         else:
-            _scan_place(
-                codes[row], worth, stride, beams, spacing, high, work, out, _U(place * headings)
-            )
+            scan_place(codes[row], worth, beams, spacing, high, work, out, _U(place * headings))
 
 
 @_part
-def _scan_work(headings, stride, beams, spacing):
-    """Return work arrays: rows of `worth`, sums by class, and sums of all in the order of headings."""
-    runs = stride // LANES
+def scan_work(headings, stride, beams, spacing):
+    """Return work arrays: sums by class, those of all by remainder, and these in the order of headings."""
     most = -(-headings // spacing)
-    blocks = -(-most // LANES)
-    at = np.full(LANES * (blocks + 2 * runs), 256 * stride, np.uint64)
-    classes = np.zeros(_CLASSES * LANES * (blocks + runs + 1), np.float32)
-    sums = np.zeros(LANES * (blocks + runs), np.float32)
-    line = np.zeros(LANES * (blocks + runs) * spacing, np.float32)
-    return at, classes, sums, line
+    blocks = max(-(-(most + beams - 1) // MANY), -(-most // MANY) + stride // MANY)
+    turns = 1 - (-(beams - 1) * spacing // headings)
+    return (
+        zeros(MANY * MANY * (blocks + 1), np.float32),
+        zeros(spacing * MANY * blocks, np.float32),
+        zeros(max(turns * headings, spacing * MANY * blocks) + MANY, np.float32),
+    )
 
 
 @_part
-def _scan_place(code, worth, stride, beams, spacing, high, work, out, place):
-    at, classes, sums, line = work
-    headings = code.shape[0]
-    runs = stride // LANES
-    lead = LANES * (runs - 1)
-    length = _U(classes.shape[0] // _CLASSES)
+def scan_place(code, worth, beams, spacing, high, work, out, place):
+    """Put the sums of all headings at one place to an array, from an index on."""
+    classes, sums, line = work
+    headings, stride = code.shape[0], worth.shape[0] // 256
+    length = _U(classes.shape[0] // MANY)
+    zero = load_many(np.zeros(MANY, np.float32), _U(0))
+    first, onto = _U(0), _U(0)
+    room = _U(sums.shape[0] // spacing)
     for part in range(spacing):
         some = (headings - part + spacing - 1) // spacing
-        direction = part
-        for k in range(some):
-            at[lead + k] = _U(code[direction]) * _U(stride)
-            direction += spacing
-        at[lead + some :] = 256 * stride
-        blocks = -(-some // LANES)
-        for block in range(blocks + runs - 1):
-            for one in range(0, _CLASSES, 4):
-                key = _U(LANES * block + lead + one)
-                a = load(worth, at[key])
-                b = load(worth, at[key + _U(1)])
-                c = load(worth, at[key + _U(2)])
-                d = load(worth, at[key + _U(3)])
-                step = _U(0)
-                for _ in range(1, runs):
-                    step += _U(LANES)
-                    key -= _U(LANES)
-                    a = add(a, load(worth, at[key] + step))
-                    b = add(b, load(worth, at[key + _U(1)] + step))
-                    c = add(c, load(worth, at[key + _U(2)] + step))
-                    d = add(d, load(worth, at[key + _U(3)] + step))
-                onto = _U(one) * length + _U(LANES * (block + 1))
-                store(classes, onto, a)
-                store(classes, onto + length, b)
-                store(classes, onto + _U(2) * length, c)
-                store(classes, onto + _U(3) * length, d)
-        for one in range(_CLASSES):
-            store(classes, _U(one) * length + _U(LANES * (blocks + runs)), splat(np.float32(0.0)))
         width = some + beams - 1
-        for begin in range(0, width, LANES):
-            sum_ = load(classes, _U(begin + LANES))
-            for one in range(1, _CLASSES):
-                sum_ = add(sum_, load(classes, _U(one) * length + _U(begin + LANES - one)))
-            store(sums, _U(begin), sum_)
+        # Directions MANY apart are one class: what their codes are worth lies as it is added.
+        for one in range(MANY):
+            store(classes, _U(one) * length, zero)
+            for run in range(0, stride, RUN):
+                at = _U(one) * length + _U(MANY + run)
+                near, far = zero, zero
+                key = first + _U(one)
+                while key < first + _U(some):
+                    row = _U(code[key]) * _U(stride) + _U(run)
+                    sum_ = add(near, load_many(worth, row))
+                    near = add(far, load_many(worth, row + _U(MANY)))
+                    far = load_many(worth, row + _U(2 * MANY))
+                    if run:
+                        sum_ = add(load_many(classes, at), sum_)
+                    store(classes, at, sum_)
+                    at += _U(MANY)
+                    key += _U(MANY)
+                if run:
+                    near = add(load_many(classes, at), near)
+                store(classes, at, near)
+                store(classes, at + _U(MANY), far)
+                at += _U(2 * MANY)
+                while at < _U(one + 1) * length:
+                    store(classes, at, zero)
+                    at += _U(MANY)
+        for begin in range(0, width, MANY):
+            sum_ = load_many(classes, _U(begin + MANY))
+            for one in range(1, MANY):
+                sum_ = add(sum_, load_many(classes, _U(one) * length + _U(begin + MANY - one)))
+            store(sums, onto + _U(begin), sum_)
+        first += _U(some)
+        onto += room
+    width = -(-headings // spacing) + beams - 1
+    if spacing == 1:
+        line[:width] = sums[:width]
+    elif spacing == 2:
+        for k in range(0, width, MANY):
+            at = _U(k)
+            store_in_turn(line, at + at, load_many(sums, at), load_many(sums, room + at))
+    else:
         for k in range(width):
-            line[_U(k * spacing + part)] = sums[_U(k)]
+            for part in range(spacing):
+                line[_U(k * spacing + part)] = sums[_U(part) * room + _U(k)]
+    low = high % headings
+    _around(line, low, headings - low, headings, beams, spacing, out, place)
+    _around(line, 0, low, headings, beams, spacing, out, place + _U(headings - low))
+
+
+@_part
+def _around(line, begin, size, headings, beams, spacing, out, onto):
+    """Put some sums to an array, and add to each what goes on beyond a turn."""
     whole = headings + (beams - 1) * spacing
-    first = high % headings
-    for h in range(headings - first):
-        out[place + _U(h)] = line[_U(first + h)]
-    for h in range(first):
-        out[place + _U(headings - first + h)] = line[_U(h)]
-    for turn in range(headings, whole, headings):
-        # What goes on beyond a turn.
-        for k in range(turn, min(whole, turn + headings)):
-            h = k - turn - first
-            out[place + _U(h if h >= 0 else h + headings)] += line[_U(k)]
+    for k in range(0, size, MANY):
+        # The last vector begins where it ends with the sums, if they are so many.
+        k = min(k, size - MANY)
+        if k < 0:
+            for h in range(size):
+                sum_ = line[_U(begin + h)]
+                for at in range(begin + h + headings, whole, headings):
+                    sum_ += line[_U(at)]
+                out[onto + _U(h)] = sum_
+            return
+        sum_ = load_many(line, _U(begin + k))
+        for at in range(begin + k + headings, whole, headings):
+            sum_ = add(sum_, load_many(line, _U(at)))
+        store(out, onto + _U(k), sum_)
 
 
 @_jit
-def scan_states(codes, row_of, worth, stride, beams, spacing, high, states, out):
+def scan_states(codes, row_of, worth, beams, spacing, high, states, out):
     """Sum up what the beams are worth in listed states, in the order of `scan_places`."""
-    headings = codes.shape[1]
+    headings, stride = codes.shape[1], worth.shape[0] // 256
+    begins = np.zeros(spacing + 1, np.int64)
+    for part in range(spacing):
+        begins[part + 1] = begins[part] + (headings - part + spacing - 1) // spacing
     for state in range(states.shape[0]):
         place, heading = states[state] // headings, states[state] % headings
         row = row_of[place]
@@ -144,13 +160,17 @@ def scan_states(codes, row_of, worth, stride, beams, spacing, high, states, out)
         whole = np.float32(0.0)
         for at in range((heading + high) % headings, headings + (beams - 1) * spacing, headings):
             part, last = at % spacing, at // spacing
-            some = (headings - part + spacing - 1) // spacing
+            begin, some = begins[part], begins[part + 1] - begins[part]
             turn = np.float32(0.0)
-            for one in range(_CLASSES):
-                sum_ = np.float32(0.0)
-                for beam in range((last - one) % LANES, beams, LANES):
-                    if 0 <= last - beam < some:
-                        sum_ += worth[code[(last - beam) * spacing + part] * stride + beam]
-                turn += sum_
+            for one in range(MANY):
+                lane = (last - one) % MANY
+                class_ = np.float32(0.0)
+                for run in range(0, stride, RUN):
+                    sum_ = np.float32(0.0)
+                    for beam in range(run + 2 * MANY + lane, run - 1, -MANY):
+                        if 0 <= last - beam < some and beam < beams:
+                            sum_ += worth[code[begin + last - beam] * stride + beam]
+                    class_ += sum_
+                turn += class_
             whole += turn
         out[state] = whole

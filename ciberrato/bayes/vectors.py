@@ -3,7 +3,7 @@
 # The types are those of numba and LLVM.
 """Eight numbers at once in numba's machine code: what its loops are not made into by themselves.
 
-A vector has `LANES` numbers of single or double precision. The functions work inside functions compiled by
+A vector has `LANES` numbers of single or double precision, or `MANY` of single precision. The functions work inside functions compiled by
 numba only. The compiler makes of them what the processor has: one operation with AVX-512, two with AVX2.
 
 Imported by `ciberrato.bayes.loops` and its siblings only.
@@ -11,30 +11,39 @@ Imported by `ciberrato.bayes.loops` and its siblings only.
 
 from __future__ import annotations
 
+import numba
+import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic, models, register_model
 
-LANES = 8
-_BITS = {32: ir.IntType(32), 64: ir.IntType(64)}
+LANES, MANY = 8, 16
 
 
 class Vector(types.Type):
-    """Numba's type of `LANES` numbers."""
+    """Numba's type of some numbers."""
 
-    def __init__(self, dtype) -> None:
-        self.dtype = dtype
-        super().__init__(name=f"Vector({dtype})")
+    def __init__(self, dtype, lanes=LANES) -> None:
+        self.dtype, self.lanes = dtype, lanes
+        super().__init__(name=f"Vector({dtype}, {lanes})")
 
 
 @register_model(Vector)
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager, kind) -> None:
-        super().__init__(manager, kind, _llvm(kind.dtype))
+        super().__init__(manager, kind, _llvm(kind.dtype, kind.lanes))
 
 
-def _llvm(dtype):
-    return ir.VectorType(ir.DoubleType() if dtype == types.float64 else ir.FloatType(), LANES)
+def _llvm(dtype, lanes=LANES):
+    return ir.VectorType(ir.DoubleType() if dtype == types.float64 else ir.FloatType(), lanes)
+
+
+@numba.njit
+def zeros(size, dtype):
+    """Return zeros that begin with a cache line, so that no vector lies in two of them."""
+    room = np.zeros(size + 64 // 4, dtype)
+    begin = -room.ctypes.data % 64 // room.itemsize
+    return room[begin : begin + size]
 
 
 def _splat(builder, value):
@@ -48,10 +57,10 @@ def _constant(vector, value):
     return ir.Constant(vector, [value] * LANES)
 
 
-def _pointer(context, builder, kind, array, index):
+def _pointer(context, builder, kind, array, index, lanes=LANES):
     data = context.make_array(kind)(context, builder, array).data
     address = builder.gep(data, [index])
-    return builder.bitcast(address, _llvm(kind.dtype).as_pointer())
+    return builder.bitcast(address, _llvm(kind.dtype, lanes).as_pointer())
 
 
 @intrinsic
@@ -66,15 +75,41 @@ def load(_, array, index):
 
 
 @intrinsic
+def load_many(_, array, index):
+    """Return the vector of `MANY` numbers from an index of a flat array on."""
+
+    def code(context, builder, signature, given):
+        address = _pointer(context, builder, signature.args[0], *given, MANY)
+        return builder.load(address, align=array.dtype.bitwidth // 8)
+
+    return Vector(array.dtype, MANY)(array, types.uint64), code
+
+
+@intrinsic
 def store(_, array, index, vector):
     """Put a vector to an index of a flat array."""
 
     def code(context, builder, signature, given):
-        address = _pointer(context, builder, signature.args[0], *given[:2])
+        address = _pointer(context, builder, signature.args[0], *given[:2], vector.lanes)
         builder.store(given[2], address, align=array.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
     return types.void(array, types.uint64, vector), code
+
+
+@intrinsic
+def store_in_turn(_, array, index, one, other):
+    """Put two vectors to an index of a flat array, a number of the one and of the other in turn."""
+
+    def code(context, builder, signature, given):
+        address = _pointer(context, builder, signature.args[0], *given[:2], 2 * one.lanes)
+        order = [lane + side * one.lanes for lane in range(one.lanes) for side in (0, 1)]
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), 2 * one.lanes), order)
+        both = builder.shuffle_vector(given[2], given[3], mask)
+        builder.store(both, address, align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.uint64, one, one), code
 
 
 @intrinsic

@@ -235,12 +235,14 @@ class ScanTable:
         """Return the log likelihood of all states or some, by machine code."""
         loops: Any = compiled.kernels(self.space.size)
         if self._by_place is None:
-            self._by_place = np.ascontiguousarray(self._codes.T)
-        beams, headings = len(worth), len(self._codes)
-        stride = -(-beams // loops.LANES) * loops.LANES
-        table = _aligned((_LEVELS + 1) * stride)
-        table.reshape(-1, stride)[:_LEVELS, :beams] = worth[::-1].T
-        given = self._by_place, self._row_of, table, stride, beams, self._spacing
+            # Directions with the same remainder by the spacing lie side by side.
+            order = np.argsort(np.arange(len(self._codes)) % self._spacing, kind="stable")
+            self._by_place = np.ascontiguousarray(self._codes[order].T)
+        beams = len(worth)
+        stride = -(-beams // loops.RUN) * loops.RUN
+        table = _aligned(_LEVELS * stride)
+        table.reshape(-1, stride)[:, :beams] = worth[::-1].T
+        given = self._by_place, self._row_of, table, beams, self._spacing
         high = int(self.steps.max())
         if states is not None:
             some = np.ascontiguousarray(states, dtype=np.intp)
