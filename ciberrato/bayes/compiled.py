@@ -40,6 +40,11 @@ def kernels(states: int) -> ModuleType | None:
     return _active or (_for_large if states >= LARGE else None)
 
 
+def loaded() -> ModuleType | None:
+    """Return the compiled loops if they are loaded, for what they do to the last bit as numpy."""
+    return _active or _for_large
+
+
 def use(module: ModuleType | None) -> None:
     """Use these loops from now on, or, with None, those of numpy, for all sizes."""
     global _active, _for_large

@@ -23,6 +23,8 @@ from ciberrato.bayes.spaces import StateSpace
 from ciberrato.reprs import short_repr
 
 _LEVELS = 256
+# Rays to ask for at a time: a thread's worth for each core.
+_RAYS = 1_000_000
 
 Caster = Callable[[FloatArray, FloatArray, FloatArray, float], FloatArray]
 BeamLogLikelihood = Callable[[FloatArray, FloatArray], FloatArray]
@@ -99,21 +101,25 @@ class ScanTable:
         self.steps = (np.arange(beams) - (beams - 1) // 2) * spacing
         self._spacing = spacing
         compiled.load_for(space.size)
-        places = space.centres()[:, :, 0, :2][free]
-        x, y = np.ascontiguousarray(places[:, 0]), np.ascontiguousarray(places[:, 1])
+        x, y = (axis.centres[at] for axis, at in zip(space.axes, np.nonzero(free), strict=False))
         ranges = np.empty((headings.size, len(x)), dtype=np.float32)
-        for k, angle in enumerate(headings.centres):
-            ranges[k] = range_array(cast(x, y, np.full(len(x), angle), max_range), what="expected range")
-        unknown = np.isnan(ranges)
-        self._unknown = bool(unknown.any())
+        some = max(1, _RAYS // len(x))
+        for k in range(0, headings.size, some):
+            angles = headings.centres[k : k + some]
+            found = cast(np.tile(x, len(angles)), np.tile(y, len(angles)), angles.repeat(len(x)), max_range)
+            ranges[k : k + some] = range_array(found, what="expected range").reshape(len(angles), -1)
+        self._unknown = bool(np.isnan(ranges.min()))
         # A range that is not known has the last code for itself.
         top = _LEVELS - 2 if self._unknown else _LEVELS - 1
-        ranges[unknown] = 0.0
-        codes = np.rint(np.minimum(ranges, max_range) * (top / max_range)).astype(np.uint8)
-        codes[unknown] = _LEVELS - 1
-        self._codes = codes
-        # [direction, place]: the code in the direction and the one a spacing further on.
-        self._pairs = codes.astype(np.uint16) * _LEVELS + np.roll(codes, -spacing, axis=0)
+        self._codes = np.empty(ranges.shape, dtype=np.uint8)
+        for codes, row in zip(self._codes, ranges, strict=True):
+            unknown = np.isnan(row)
+            row[unknown] = 0.0
+            codes[:] = np.rint(np.minimum(row, max_range) * (top / max_range))
+            codes[unknown] = _LEVELS - 1
+        # [direction, place]: the code in the direction and the one a spacing further on; made when numpy
+        # first asks for them.
+        self._pairs: NDArray[np.uint16] | None = None
         # Made when states are first asked for one by one.
         self._rows: NDArray[np.uint8] | None = None
         # The codes place by place; made when machine code first asks for them.
@@ -138,8 +144,8 @@ class ScanTable:
     @property
     def nbytes(self) -> int:
         """Memory that the table takes."""
-        others = [one for one in (self._rows, self._by_place) if one is not None]
-        return sum(one.nbytes for one in (self._codes, self._pairs, self._row_of, *others))
+        others = [one for one in (self._rows, self._by_place, self._pairs) if one is not None]
+        return sum(one.nbytes for one in (self._codes, self._row_of, *others))
 
     def log_likelihood(
         self,
@@ -192,6 +198,8 @@ class ScanTable:
 
     def _of_all(self, worth: FloatArray) -> NDArray[np.float32]:
         headings, places = self._codes.shape
+        if self._pairs is None:
+            self._pairs = self._codes.astype(np.uint16) * _LEVELS + np.roll(self._codes, -self._spacing, axis=0)
         total = np.zeros((headings, places), dtype=np.float32)
         part = np.empty(places, dtype=np.float32)
         paired = len(worth) // 2 * 2
