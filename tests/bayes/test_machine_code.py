@@ -83,7 +83,7 @@ def test_scans_are_sums_over_beams(with_and_without, loops, beams, spacing):
     compiled.use(loops)
     some = rng.permutation(space.size)[:500]
     assert np.array_equal(asked(some), fast.ravel()[some])  # what they get among all, to the last bit
-    assert table.nbytes > codes.nbytes + table._pairs.nbytes + codes.nbytes
+    assert table.nbytes > codes.nbytes + table._fans.nbytes + codes.nbytes
 
 
 @pytest.mark.parametrize(
