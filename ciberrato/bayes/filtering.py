@@ -121,8 +121,9 @@ def update(
         raise ValueError(
             f"no policy {on_impossible!r} for impossible readings; choose one of {', '.join(POLICIES)}"
         )
-    if belief.size and compiled.kernels(belief.size) is not None:
-        result = _update_compiled(belief, log_likelihood, out)
+    machine_code = belief.size and compiled.kernels(belief.size) is not None
+    if machine_code or (belief.size >= compiled.LARGE and belief.dtype == np.float64):
+        result = _update_large(belief, log_likelihood, out)
         if result is not None:
             return result
     if belief.dtype == np.float32:
@@ -160,12 +161,46 @@ def update(
     return Update.of(_written(weights, out), log_evidence, lost)
 
 
-def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
-    """Return what `update` does, by machine code; None where it is not plain that it can."""
+def _products(
+    belief: FloatArray,
+    scores: FloatArray,
+    best: float,
+    far: float,
+    least: float,
+    floor: float,
+    most: float,
+    out: FloatArray,
+    begin: int,
+    end: int,
+) -> tuple[float, int, int]:
+    """Do what the machine code's `products` does, in double precision: in pieces that stay in the cache."""
+    total, small, wrong = [], 0, 0
+    for first in range(begin, end, _PIECE):
+        piece = slice(first, min(first + _PIECE, end))
+        held, part = belief[piece], out[piece]
+        score = np.subtract(scores[piece], best, dtype=np.float64)
+        np.maximum(score, far, out=part)
+        np.exp(part, out=part)
+        np.multiply(part, held, out=part)
+        if score.min() < far:
+            np.multiply(part, score >= far, out=part)
+        low = part < least
+        if low.any():
+            small += int(np.count_nonzero(low & (held > 0.0) & (score > -np.inf)))
+        wrong += not (held.min() >= 0.0 and held.max() <= most)
+        total.append(float(part.sum()))
+    return math.fsum(total), small, wrong
+
+
+def _update_large(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
+    """Return what `update` does, in few passes and by machine code if loaded; None where that is not plain."""
     loops: Any = compiled.kernels(belief.size)
     flat, scores = np.ascontiguousarray(belief).ravel(), np.ascontiguousarray(log_likelihood).ravel()
     size = flat.size
-    best = float(np.max(compiled.share(lambda begin, end: loops.greatest(scores, begin, end), size, size)))
+    if loops is None:
+        best = float(scores.max())
+    else:
+        best = float(np.max(compiled.share(lambda begin, end: loops.greatest(scores, begin, end), size, size)))
     if not -math.inf < best < math.inf:
         return None
     fits = out is not None and out.flags.c_contiguous and out.dtype == belief.dtype
@@ -177,8 +212,9 @@ def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatA
     single = belief.dtype == np.float32
     # In single precision, what is too small for all digits becomes zero, and is lost.
     given = (_FAR_SINGLE, _LEAST_SINGLE, _LEAST_SINGLE) if single else (_FAR, _PLAIN_LEAST, 0.0)
+    of_part = _products if loops is None else loops.products
     parts = compiled.share(
-        lambda begin, end: loops.products(
+        lambda begin, end: of_part(
             flat, scores, best, *map(float, given), 1e300 / size, products, begin, end
         ),
         size,
@@ -193,7 +229,10 @@ def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatA
         lost = _finish(weights, total, belief, log_likelihood, float(belief.max()), log_evidence)
     else:
         factor = belief.dtype.type(1.0 / total)
-        compiled.share(lambda begin, end: loops.scale(products, factor, begin, end), size, size)
+        if loops is None:
+            np.multiply(products, factor, out=products)
+        else:
+            compiled.share(lambda begin, end: loops.scale(products, factor, begin, end), size, size)
     return Update.of(_written(weights, out), log_evidence, lost)
 
 

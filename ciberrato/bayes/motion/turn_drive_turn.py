@@ -145,7 +145,11 @@ class TurnDriveTurn:
         first = turn_matrix(headings, steps / parts, rot1 / width, after=parts).astype(
             belief.dtype, copy=False
         )
-        np.matmul(first.T, belief.reshape(-1, headings).T, out=images)
+        flat = belief.reshape(-1, headings)
+        places, count = flat.shape[0], headings * parts
+        compiled.share(
+            lambda begin, end: np.matmul(first.T, flat[begin:end].T, out=images[:, begin:end]), places, flat.size
+        )
         skipped = 0.0
         if self.skip_below > 0.0:
             mass = images.sum(axis=1)
@@ -153,12 +157,25 @@ class TurnDriveTurn:
             skipped = float(mass[small].sum())
             images[small] = 0.0
         kernels = self._kernels(control, parts, left, cut)
-        shape = (headings * parts, rows, columns)
-        moved = drive(images.reshape(shape), kernels, driven.reshape(shape)).reshape(shape[0], -1)
-        if self.free is not None:
-            moved *= self.free.ravel()
-        last = turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts)
-        after = moved.T @ last.astype(belief.dtype, copy=False)
+
+        def driven_from(begin: int, end: int) -> None:
+            some = (kernels.kernel >= begin) & (kernels.kernel < end)
+            part = LatticeKernels(kernels.kernel[some] - begin, kernels.cells[some], kernels.weights[some])
+            shape = end - begin, rows, columns
+            moved = drive(images[begin:end].reshape(shape), part, driven[begin:end].reshape(shape))
+            if not np.may_share_memory(moved, driven):
+                driven[begin:end] = moved.reshape(end - begin, -1)
+            if self.free is not None:
+                driven[begin:end] *= self.free.ravel()
+
+        compiled.share(driven_from, count, flat.size)
+        last = turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts).astype(
+            belief.dtype, copy=False
+        )
+        after = np.empty_like(flat)
+        compiled.share(
+            lambda begin, end: np.matmul(driven[:, begin:end].T, last, out=after[begin:end]), places, flat.size
+        )
         return Prediction(after.reshape(belief.shape), skipped, truncated)
 
     def predict_states(

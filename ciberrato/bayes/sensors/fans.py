@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import FloatArray, IntArray
 
 FAN = 8
@@ -63,8 +64,8 @@ class Fans:
         """Memory that the combinations take."""
         return self._numbers.nbytes + sum(part.nbytes for pair in self._halves for part in pair)
 
-    def sums(self, worth: FloatArray, first: int) -> NDArray[np.float32]:
-        """Return what the beams are worth in all, shape (directions, places).
+    def sums(self, worth: FloatArray, first: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return what both halves of the beams are worth in all, each of shape (headings, places).
 
         Parameters
         ----------
@@ -78,25 +79,43 @@ class Fans:
         fans = len(table) // FAN
         values = list(table)
         for one, other in self._halves:
-            values = [
-                np.take(a, one, mode="clip") + np.take(b, other, mode="clip")
-                for a, b in zip(values[::2], values[1::2], strict=True)
-            ]
-        total = np.zeros((directions, places), dtype=np.float32)
-        both, part = np.empty(places, np.complex64), np.empty(places, np.complex64)
-        for heading in range(directions):
-            for fan in range(fans):
-                seen = (heading + first + fan * FAN * self._spacing) % directions
-                begin, end = self._begins[seen], self._begins[seen + 1]
-                # mode="clip" spares a copy; all numbers are in the table.
-                np.take(
-                    values[fan][begin:end], self._numbers[seen], out=part if fan else both, mode="clip"
-                )
-                if fan:
-                    both += part
-            total[heading] += both.real
-            total[(heading - fans * FAN * self._spacing) % directions] += both.imag
-        return total
+            values = self._joined(values, one, other)
+        here, ahead = (np.empty((directions, places), dtype=np.float32) for _ in range(2))
+
+        def look(begin: int, end: int) -> None:
+            both, part = np.empty(places, np.complex64), np.empty(places, np.complex64)
+            for heading in range(begin, end):
+                for fan in range(fans):
+                    seen = (heading + first + fan * FAN * self._spacing) % directions
+                    table = values[fan][self._begins[seen] : self._begins[seen + 1]]
+                    # mode="clip" spares a copy; all numbers are in the table.
+                    np.take(table, self._numbers[seen], out=part if fan else both, mode="clip")
+                    if fan:
+                        np.add(both, part, out=both)
+                here[heading] = both.real
+                # The second half of the scan is that of another heading.
+                ahead[(heading - fans * FAN * self._spacing) % directions] = both.imag
+
+        compiled.share(look, directions, here.size)
+        return here, ahead
+
+    @staticmethod
+    def _joined(
+        values: list[NDArray[np.complex64]], one: IntArray, other: IntArray
+    ) -> list[NDArray[np.complex64]]:
+        """Return the sums of neighbouring tables, for the combinations of their entries."""
+
+        def join(begin: int, end: int) -> list[NDArray[np.complex64]]:
+            part = np.empty(len(one), np.complex64)
+            sums = []
+            for k in range(begin, end):
+                np.take(values[2 * k + 1], other, out=part, mode="clip")
+                sums.append(np.take(values[2 * k], one, mode="clip"))
+                sums[-1] += part
+            return sums
+
+        found = compiled.share(join, len(values) // 2, len(values) // 2 * len(one))
+        return [part for some in found for part in some]
 
 
 def halved(worth: FloatArray) -> NDArray[np.complex64]:

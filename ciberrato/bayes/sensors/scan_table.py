@@ -201,12 +201,16 @@ class ScanTable:
     def _of_all(self, worth: FloatArray) -> NDArray[np.float32]:
         if self._fans is None:
             self._fans = Fans(self._codes, self._spacing)
-        total = self._fans.sums(worth, int(self.steps[0]))
-        result = np.full((len(self._row_of), len(total)), -np.inf, dtype=np.float32)
+        here, ahead = self._fans.sums(worth, int(self.steps[0]))
+        result = np.full((len(self._row_of), len(here)), -np.inf, dtype=np.float32)
         rows = np.flatnonzero(self.free)
-        for begin in range(0, len(rows), _PLACES):
-            block = slice(begin, begin + _PLACES)
-            result[rows[block]] = np.ascontiguousarray(total[:, block].T)
+
+        def lay(begin: int, end: int) -> None:
+            for first in range(begin, end, _PLACES):
+                block = slice(first, min(first + _PLACES, end))
+                result[rows[block]] = np.ascontiguousarray((here[:, block] + ahead[:, block]).T)
+
+        compiled.share(lay, len(rows), here.size)
         return result.reshape(self.space.shape)
 
     def _of_states(self, states: IntArray, worth: FloatArray) -> NDArray[np.float32]:
