@@ -193,14 +193,16 @@ def _products(
 
 
 def _update_large(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
-    """Return what `update` does, in few passes and by machine code if loaded; None where that is not plain."""
+    """Return what `update` does, in few passes, by machine code if loaded; None if not plain."""
     loops: Any = compiled.kernels(belief.size)
     flat, scores = np.ascontiguousarray(belief).ravel(), np.ascontiguousarray(log_likelihood).ravel()
     size = flat.size
     if loops is None:
         best = float(scores.max())
     else:
-        best = float(np.max(compiled.share(lambda begin, end: loops.greatest(scores, begin, end), size, size)))
+        best = float(
+            np.max(compiled.share(lambda begin, end: loops.greatest(scores, begin, end), size, size))
+        )
     if not -math.inf < best < math.inf:
         return None
     fits = out is not None and out.flags.c_contiguous and out.dtype == belief.dtype
@@ -212,7 +214,7 @@ def _update_large(belief: FloatArray, log_likelihood: FloatArray, out: FloatArra
     single = belief.dtype == np.float32
     # In single precision, what is too small for all digits becomes zero, and is lost.
     given = (_FAR_SINGLE, _LEAST_SINGLE, _LEAST_SINGLE) if single else (_FAR, _PLAIN_LEAST, 0.0)
-    of_part = _products if loops is None else loops.products
+    of_part: Any = _products if loops is None else loops.products
     parts = compiled.share(
         lambda begin, end: of_part(
             flat, scores, best, *map(float, given), 1e300 / size, products, begin, end

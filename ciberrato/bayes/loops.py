@@ -43,7 +43,8 @@ _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
 __all__ = (
-    "LANES", "RUN", "STRIP", "cast_rays", "drive_and_turn", "greatest", "products", "scale", "scan_places", "scan_states", "turn_rows",
+    "LANES", "RUN", "STRIP", "cast_rays", "drive_and_turn", "greatest", "products", "scale", "scan_places",
+    "scan_states", "turn_rows",
 )  # fmt: skip
 
 # exp(x) for x from -700 to 0: 2^n exp(r), |r| <= log(2) / 2, by its series to the 13th power.

@@ -156,7 +156,7 @@ def drive_and_turn(turned, shape, margin, moves, shares, begins, free, weights, 
     rows, columns, size = shape
     wide, taps = turned.shape[0] // (rows * size), weights.shape[0]
     blocks = -(-size // LANES)
-    each = LANES * (LANES * blocks + taps)
+    each, length = LANES * (LANES * blocks + taps), _U(LANES * blocks)
     lines = zeros(STRIP // LANES * each, out.dtype)
     after = zeros(LANES * LANES * blocks, out.dtype)
     tile = zeros(LANES * LANES * blocks, out.dtype)
@@ -192,12 +192,11 @@ def drive_and_turn(turned, shape, margin, moves, shares, begins, free, weights, 
                 if free[x, low:high].any():
                     _turn(lines, _U(group * each), weights, blocks, after)
                     for block in range(blocks):
-                        transpose(
-                            after, _U(LANES * LANES * block), _U(LANES), tile, _U(LANES * block), _U(LANES * blocks)
-                        )
+                        source = _U(LANES * LANES * block)
+                        transpose(after, source, _U(LANES), tile, _U(LANES * block), length)
                 for k in range(high - low):
-                    onto, source = (x * columns + low + k) * size, LANES * blocks * k
+                    onto, made = (x * columns + low + k) * size, LANES * blocks * k
                     if free[x, low + k]:
-                        out[onto : onto + size] = tile[source : source + size]
+                        out[onto : onto + size] = tile[made : made + size]
                     else:
                         out[onto : onto + size] = 0.0

@@ -18,7 +18,7 @@ _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
 RUN = 3 * MANY
-"""Beams whose worth is added at once: rows of the table of what codes are worth are a multiple of this long."""
+"""Beams whose worth is added at once: rows of what codes are worth are a multiple of this long."""
 
 
 @_jit

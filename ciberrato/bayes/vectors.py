@@ -1,23 +1,29 @@
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, disallow-untyped-decorators=False
+# mypy: disallow-incomplete-defs=False
 # mypy: disable-error-code="no-any-return,misc"
 # The types are those of numba and LLVM.
 """Eight numbers at once in numba's machine code: what its loops are not made into by themselves.
 
-A vector has `LANES` numbers of single or double precision, or `MANY` of single precision. The functions work inside functions compiled by
-numba only. The compiler makes of them what the processor has: one operation with AVX-512, two with AVX2.
+A vector has `LANES` numbers of single or double precision, or `MANY` of single precision. The functions work
+inside functions compiled by numba only. The compiler makes of them what the processor has: one operation with
+AVX-512, two with AVX2.
 
 Imported by `ciberrato.bayes.loops` and its siblings only.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import types
-from numba.extending import intrinsic, models, register_model
+from numba.extending import intrinsic as numbas_intrinsic
+from numba.extending import models, register_model
 
 LANES, MANY = 8, 16
+intrinsic: Any = numbas_intrinsic
 
 
 class Vector(types.Type):
@@ -79,7 +85,7 @@ def load_many(_, array, index):
     """Return the vector of `MANY` numbers from an index of a flat array on."""
 
     def code(context, builder, signature, given):
-        address = _pointer(context, builder, signature.args[0], *given, MANY)
+        address = _pointer(context, builder, signature.args[0], given[0], given[1], MANY)
         return builder.load(address, align=array.dtype.bitwidth // 8)
 
     return Vector(array.dtype, MANY)(array, types.uint64), code
@@ -90,7 +96,7 @@ def store(_, array, index, vector):
     """Put a vector to an index of a flat array."""
 
     def code(context, builder, signature, given):
-        address = _pointer(context, builder, signature.args[0], *given[:2], vector.lanes)
+        address = _pointer(context, builder, signature.args[0], given[0], given[1], vector.lanes)
         builder.store(given[2], address, align=array.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
@@ -102,7 +108,7 @@ def store_in_turn(_, array, index, one, other):
     """Put two vectors to an index of a flat array, a number of the one and of the other in turn."""
 
     def code(context, builder, signature, given):
-        address = _pointer(context, builder, signature.args[0], *given[:2], 2 * one.lanes)
+        address = _pointer(context, builder, signature.args[0], given[0], given[1], 2 * one.lanes)
         order = [lane + side * one.lanes for lane in range(one.lanes) for side in (0, 1)]
         mask = ir.Constant(ir.VectorType(ir.IntType(32), 2 * one.lanes), order)
         both = builder.shuffle_vector(given[2], given[3], mask)
@@ -184,8 +190,8 @@ def as_in(_, vector, array):
         kind = _llvm(array.dtype)
         if given[0].type == kind:
             return given[0]
-        return builder.fptrunc(given[0], kind) if array.dtype == types.float32 else builder.fpext(
-            given[0], kind
+        return (
+            builder.fptrunc(given[0], kind) if array.dtype == types.float32 else builder.fpext(given[0], kind)
         )
 
     return Vector(array.dtype)(vector, array), code

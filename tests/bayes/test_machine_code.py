@@ -48,7 +48,8 @@ def free_places(rng):
 
 
 @pytest.mark.parametrize(
-    ("beams", "spacing"), [(1, 1), (5, 1), (8, 2), (7, 3), (12, 5), (24, 1), (30, 1), (9, 7)]
+    ("beams", "spacing"),
+    [(1, 1), (5, 1), (8, 2), (7, 3), (12, 5), (24, 1), (30, 1), (9, 7), (60, 1), (101, 2)],
 )
 def test_scans_are_sums_over_beams(with_and_without, loops, beams, spacing):
     """Also where spacings do not divide a turn, and where beams go round more than once."""

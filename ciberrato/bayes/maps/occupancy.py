@@ -141,11 +141,14 @@ class OccupancyGrid:
     ) -> None:
         """Cast rays in machine code; cosines and sines are numpy's, and so all bits are."""
         loops: Any = compiled.loaded()
-        given = (x - self.origin[0]) / self.cell, (y - self.origin[1]) / self.cell, np.cos(angle), np.sin(angle)
+        given = (
+            (x - self.origin[0]) / self.cell,
+            (y - self.origin[1]) / self.cell,
+            np.cos(angle),
+            np.sin(angle),
+        )
         compiled.share(
-            lambda begin, end: loops.cast_rays(
-                *given, self._clearance, self.unknown, limit, out, begin, end
-            ),
+            lambda begin, end: loops.cast_rays(*given, self._clearance, self.unknown, limit, out, begin, end),
             out.size,
             out.size,
         )

@@ -63,9 +63,7 @@ def predict_compiled(
     by_row[:, margin + columns :] = 0.0
     flat = values.ravel()
     wrong = compiled.share(
-        lambda begin, end: int(
-            loops.turn_rows(flat, shape, first[1], first[0], turned, margin, begin, end)
-        ),
+        lambda begin, end: int(loops.turn_rows(flat, shape, first[1], first[0], turned, margin, begin, end)),
         rows,
         values.size,
     )

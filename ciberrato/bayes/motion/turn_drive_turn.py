@@ -74,9 +74,7 @@ class TurnDriveTurn:
     free: BoolArray | None = None
     window: float = 4.0
     skip_below: float = 0.0
-    _work: dict[Any, FloatArray] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
+    _work: dict[Any, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         check_space(self.space, "odometry")
@@ -148,7 +146,9 @@ class TurnDriveTurn:
         flat = belief.reshape(-1, headings)
         places, count = flat.shape[0], headings * parts
         compiled.share(
-            lambda begin, end: np.matmul(first.T, flat[begin:end].T, out=images[:, begin:end]), places, flat.size
+            lambda begin, end: np.matmul(first.T, flat[begin:end].T, out=images[:, begin:end]),
+            places,
+            flat.size,
         )
         skipped = 0.0
         if self.skip_below > 0.0:
@@ -174,7 +174,9 @@ class TurnDriveTurn:
         )
         after = np.empty_like(flat)
         compiled.share(
-            lambda begin, end: np.matmul(driven[:, begin:end].T, last, out=after[begin:end]), places, flat.size
+            lambda begin, end: np.matmul(driven[:, begin:end].T, last, out=after[begin:end]),
+            places,
+            flat.size,
         )
         return Prediction(after.reshape(belief.shape), skipped, truncated)
 

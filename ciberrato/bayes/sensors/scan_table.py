@@ -28,6 +28,8 @@ _LEVELS = 256
 _RAYS = 1_000_000
 # Places whose headings are laid side by side at a time: few enough for the second cache.
 _PLACES = 512
+# States whose beams are looked up at a time.
+_STATES = 1024
 
 Caster = Callable[[FloatArray, FloatArray, FloatArray, float], FloatArray]
 BeamLogLikelihood = Callable[[FloatArray, FloatArray], FloatArray]
@@ -224,8 +226,11 @@ class ScanTable:
         place, heading = np.divmod(np.asarray(states, dtype=np.intp), headings)
         row = self._row_of[place]
         at = np.maximum(row, 0) * self._rows.shape[1] + heading - low
-        codes = np.take(self._rows.ravel(), at + self.steps[:, np.newaxis])
-        total = sums_of_states(worth, codes)
+        codes, steps = self._rows.ravel(), self.steps[:, np.newaxis]
+        total = np.empty(len(at), dtype=np.float32)
+        for begin in range(0, len(at), _STATES):
+            piece = slice(begin, begin + _STATES)
+            total[piece] = sums_of_states(worth, np.take(codes, at[piece] + steps))
         total[row < 0] = -np.inf
         return total
 
