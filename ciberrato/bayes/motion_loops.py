@@ -13,12 +13,15 @@ import numpy as np
 
 from ciberrato.bayes.vectors import (
     LANES,
+    finish,
     load,
     multiply_add,
     outside,
     positive,
+    prefetch,
     splat,
     store,
+    stream,
     transpose,
     zeros,
 )
@@ -32,7 +35,7 @@ STRIP = 4 * LANES
 
 
 @_part
-def _turn(lines, base, weights, blocks, out):
+def _turn(lines, base, weights, blocks, out, made):
     """Convolve: line h of the result is the sum of weights[k] times line h + taps - 1 - k."""
     taps = weights.shape[0]
     zero = load(zeros(LANES, out.dtype), _U(0))
@@ -50,7 +53,7 @@ def _turn(lines, base, weights, blocks, out):
             g = multiply_add(w, load(lines, at + _U(6 * LANES)), g)
             h = multiply_add(w, load(lines, at + _U(7 * LANES)), h)
             at -= _U(LANES)
-        onto = _U(LANES * LANES * block)
+        onto = made + _U(LANES * LANES * block)
         store(out, onto, a)
         store(out, onto + _U(LANES), b)
         store(out, onto + _U(2 * LANES), c)
@@ -73,7 +76,8 @@ def turn_rows(belief, shape, weights, first, out, margin, begin, end):
     weights, first : shape (n,), int
         Distribution of the turn in cells, as of `ciberrato.bayes.convolution.convolve`; n up to headings.
     out : shape (x * headings * wide,)
-        Rows of places have a margin before and behind; in between is a multiple of `STRIP`.
+        Begins with a cache line. Rows of places have a margin before and behind; in between is a multiple of
+        `STRIP`.
     margin : int
         Multiple of `LANES`.
 
@@ -87,7 +91,8 @@ def turn_rows(belief, shape, weights, first, out, margin, begin, end):
     blocks, whole = -(-size // LANES), size // LANES
     tile = zeros(LANES * LANES * blocks, belief.dtype)
     plain = zeros(LANES * LANES * blocks, belief.dtype)
-    turned = zeros(LANES * LANES * blocks, belief.dtype)
+    turned = zeros(STRIP * LANES * blocks, belief.dtype)
+    each = _U(LANES * LANES * blocks)
     lines = zeros(LANES * (LANES * blocks + taps), belief.dtype)
     zero = load(zeros(LANES, out.dtype), _U(0))
     most = load(np.full(LANES, np.finfo(belief.dtype).max, belief.dtype), _U(0))
@@ -95,40 +100,52 @@ def turn_rows(belief, shape, weights, first, out, margin, begin, end):
     length = _U(LANES * blocks)
     wrong = _U(0)
     for x in range(begin, end):
-        for y in range(0, columns, LANES):
-            held = _U(0)
-            there = min(LANES, columns - y)
-            for k in range(there):
-                source, target = _U(((x * columns) + y + k) * size), _U(k) * length
-                for block in range(whole):
-                    some = load(belief, source + _U(LANES * block))
-                    store(tile, target + _U(LANES * block), some)
-                    wrong |= outside(some, zero, most)
-                    held |= positive(some)
-                for h in range(LANES * whole, size):
-                    one = belief[source + _U(h)]
-                    tile[target + _U(h)] = one
-                    wrong |= _U(not (one >= 0.0 and one < np.inf))
-                    held |= _U(one > 0.0)
-            for k in range(there, LANES):
+        for strip in range(0, columns, STRIP):
+            groups = -(-min(STRIP, columns - strip) // LANES)
+            for group in range(groups):
+                y = strip + group * LANES
+                held = _U(0)
+                there = min(LANES, columns - y)
+                for k in range(there):
+                    source, target = _U(((x * columns) + y + k) * size), _U(k) * length
+                    for block in range(whole):
+                        some = load(belief, source + _U(LANES * block))
+                        store(tile, target + _U(LANES * block), some)
+                        wrong |= outside(some, zero, most)
+                        held |= positive(some)
+                    for h in range(LANES * whole, size):
+                        one = belief[source + _U(h)]
+                        tile[target + _U(h)] = one
+                        wrong |= _U(not (one >= 0.0 and one < np.inf))
+                        held |= _U(one > 0.0)
+                for k in range(there, LANES):
+                    for block in range(blocks):
+                        store(tile, _U(k) * length + _U(LANES * block), zero)
+                made = _U(group) * each
+                if not held:
+                    for h in range(size):
+                        store(turned, made + _U(LANES * h), zero)
+                    continue
                 for block in range(blocks):
-                    store(tile, _U(k) * length + _U(LANES * block), zero)
-            onto = _U(x * size * wide + margin + y)
-            if not held:
-                for h in range(size):
-                    store(out, onto + _U(h * wide), zero)
-                continue
-            for block in range(blocks):
-                transpose(tile, _U(LANES * block), length, plain, _U(LANES * LANES * block), _U(LANES))
-            at = start
-            for h in range(size + taps - 1):
-                store(lines, _U(LANES * h), load(plain, _U(LANES * at)))
-                at += 1
-                if at == size:
-                    at = 0
-            _turn(lines, _U(0), weights, blocks, turned)
+                    transpose(tile, _U(LANES * block), length, plain, _U(LANES * LANES * block), _U(LANES))
+                at = start
+                for h in range(size + taps - 1):
+                    store(lines, _U(LANES * h), load(plain, _U(LANES * at)))
+                    at += 1
+                    if at == size:
+                        at = 0
+                _turn(lines, _U(0), weights, blocks, turned, made)
+            # Some whole cache lines of each heading at a time, and past the caches: else each would be read
+            # from memory before it is written. In single precision half of one would go alone.
+            past = out.itemsize * LANES == 64
             for h in range(size):
-                store(out, onto + _U(h * wide), load(turned, _U(LANES * h)))
+                onto = _U((x * size + h) * wide + margin + strip)
+                for group in range(groups):
+                    if past:
+                        stream(out, onto + _U(LANES * group), load(turned, _U(group) * each + _U(LANES * h)))
+                    else:
+                        store(out, onto + _U(LANES * group), load(turned, _U(group) * each + _U(LANES * h)))
+    finish()
     return wrong
 
 
@@ -173,6 +190,10 @@ def drive_and_turn(turned, shape, margin, moves, shares, begins, free, weights, 
                     source = x - moves[entry, 0]
                     if 0 <= source < rows:
                         at = _U((source * size + h) * wide + margin + y - moves[entry, 1])
+                        prefetch(turned, at + _U(STRIP))
+                        prefetch(turned, at + _U(STRIP + LANES))
+                        prefetch(turned, at + _U(STRIP + 2 * LANES))
+                        prefetch(turned, at + _U(STRIP + 3 * LANES))
                         share = splat(shares[entry])
                         a = multiply_add(share, load(turned, at), a)
                         b = multiply_add(share, load(turned, at + _U(LANES)), b)
@@ -190,7 +211,7 @@ def drive_and_turn(turned, shape, margin, moves, shares, begins, free, weights, 
                 if low >= high:
                     break
                 if free[x, low:high].any():
-                    _turn(lines, _U(group * each), weights, blocks, after)
+                    _turn(lines, _U(group * each), weights, blocks, after, _U(0))
                     for block in range(blocks):
                         source = _U(LANES * LANES * block)
                         transpose(after, source, _U(LANES), tile, _U(LANES * block), length)

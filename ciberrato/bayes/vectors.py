@@ -104,6 +104,47 @@ def store(_, array, index, vector):
 
 
 @intrinsic
+def stream(_, array, index, vector):
+    """Put a vector, which must lie in one cache line, past the caches: nothing is read from memory first."""
+
+    def code(context, builder, signature, given):
+        address = _pointer(context, builder, signature.args[0], given[0], given[1])
+        put = builder.store(given[2], address, align=LANES * array.dtype.bitwidth // 8)
+        one = builder.module.add_metadata([ir.Constant(ir.IntType(32), 1)])
+        put.set_metadata("nontemporal", one)
+        return context.get_dummy_value()
+
+    return types.void(array, types.uint64, vector), code
+
+
+@intrinsic
+def finish(_):
+    """Wait until what was streamed is there for other threads."""
+
+    def code(context, builder, signature, given):
+        builder.fence("seq_cst")
+        return context.get_dummy_value()
+
+    return types.void(), code
+
+
+@intrinsic
+def prefetch(_, array, index):
+    """Ask memory for the cache line of an index, which may be beyond the array."""
+
+    def code(context, builder, signature, given):
+        data = context.make_array(signature.args[0])(context, builder, given[0]).data
+        address = builder.bitcast(builder.gep(data, [given[1]]), ir.IntType(8).as_pointer())
+        name, number = "llvm.prefetch.p0i8", ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), number, number, number])
+        function = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
+        builder.call(function, [address, number(0), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.uint64), code
+
+
+@intrinsic
 def store_in_turn(_, array, index, one, other):
     """Put two vectors to an index of a flat array, a number of the one and of the other in turn."""
 
