@@ -554,8 +554,18 @@ def test_the_true_cell_is_that_of_the_beliefs_own_cycle(world: World, page: Any)
 
 
 def test_the_page_comes_back_when_the_viewer_was_away(world: World, page: Any) -> None:
+    # As long as there is no connection the page says so ...
+    page.evaluate("ciberrato.socket.wait = 2 ** 31 - 1")
     page.evaluate("ciberrato.socket.socket.close()")
     page.wait_for_selector('#status[data-state="gone"]')
+    page.evaluate("ciberrato.socket.connect()")
+    page.wait_for_selector('#status[data-state="watching"]')
+    # ... and it makes a new one by itself, at times before the panels are drawn.
+    wait_for(page, "ciberrato.socket.wait < 1000")
+    page.evaluate("window.before = ciberrato.socket.socket")
+    page.evaluate("ciberrato.socket.socket.close()")
+    wait_for(page, "ciberrato.socket.socket !== window.before && ciberrato.socket.socket.readyState === 1")
+    wait_for(page, "ciberrato.state.connection === 'watching' && ciberrato.state.connected")
     page.wait_for_selector('#status[data-state="watching"]')
 
 
