@@ -65,7 +65,7 @@ def scan_work(headings, stride, beams, spacing):
 
 @_part
 def scan_place(code, worth, beams, spacing, high, work, out, place):
-    """Put the sums of all headings at one place to an array, from an index on."""
+    """Store the sums of all headings at one place to an array, from an index on."""
     classes, sums, line = work
     headings, stride = code.shape[0], worth.shape[0] // 256
     length = _U(classes.shape[0] // MANY)
@@ -125,7 +125,7 @@ def scan_place(code, worth, beams, spacing, high, work, out, place):
 
 @_part
 def _around(line, begin, size, headings, beams, spacing, out, onto):
-    """Put some sums to an array, and add to each what goes on beyond a turn."""
+    """Store some sums to an array, and add to each what goes on beyond a turn."""
     whole = headings + (beams - 1) * spacing
     for k in range(0, size, MANY):
         # The last vector begins where it ends with the sums, if they are so many.

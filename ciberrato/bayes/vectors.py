@@ -93,7 +93,7 @@ def load_many(_, array, index):
 
 @intrinsic
 def store(_, array, index, vector):
-    """Put a vector to an index of a flat array."""
+    """Store a vector to an index of a flat array."""
 
     def code(context, builder, signature, given):
         address = _pointer(context, builder, signature.args[0], given[0], given[1], vector.lanes)
@@ -105,7 +105,7 @@ def store(_, array, index, vector):
 
 @intrinsic
 def stream(_, array, index, vector):
-    """Put a vector, which must lie in one cache line, past the caches: nothing is read from memory first."""
+    """Store a vector, which must lie in one cache line, past the caches: nothing is read from memory first."""
 
     def code(context, builder, signature, given):
         address = _pointer(context, builder, signature.args[0], given[0], given[1])
@@ -146,7 +146,7 @@ def prefetch(_, array, index):
 
 @intrinsic
 def store_in_turn(_, array, index, one, other):
-    """Put two vectors to an index of a flat array, a number of the one and of the other in turn."""
+    """Store two vectors to an index of a flat array, a number of the one and of the other in turn."""
 
     def code(context, builder, signature, given):
         address = _pointer(context, builder, signature.args[0], given[0], given[1], 2 * one.lanes)
@@ -325,7 +325,7 @@ def total(_, vector):
 
 @intrinsic
 def transpose(_, array, start, stride, out, onto, step):
-    """Put `LANES` vectors of an array, a stride apart, to another, a step apart, rows as columns."""
+    """Store `LANES` vectors of an array, a stride apart, to another, a step apart, rows as columns."""
 
     def code(context, builder, signature, given):
         source, start, stride, target, onto, step = given
