@@ -77,7 +77,7 @@ def _exp(x):
 
 @_part
 def _product(belief, scores, best, far, least, floor, most, out, at, onto):
-    """Store one vector of products to an array; return it in double precision, and which are small or wrong."""
+    """Store a vector of products; return it in double precision, and which are small or wrong."""
     held = load(belief, at)
     score = subtract(double(load(scores, at)), splat(best))
     factor = _exp(greater(score, splat(far)))

@@ -105,7 +105,7 @@ def store(_, array, index, vector):
 
 @intrinsic
 def stream(_, array, index, vector):
-    """Store a vector, which must lie in one cache line, past the caches: nothing is read from memory first."""
+    """Store a vector, which must lie in one cache line, past the caches: memory is not read first."""
 
     def code(context, builder, signature, given):
         address = _pointer(context, builder, signature.args[0], given[0], given[1])
