@@ -1,6 +1,8 @@
 """What large grids are computed with, piece by piece, against plain loops and numpy's own steps."""
 
 import math
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -175,6 +177,22 @@ def test_threads_change_nothing_in_numpy(monkeypatch):
         results.append((hall.motion.predict(belief, tour.controls[0]), scores))
     assert np.array_equal(results[0][0], results[1][0])
     assert np.array_equal(results[0][1], results[1][1])
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own(monkeypatch):
+    monkeypatch.setattr(compiled, "_cores", lambda: 2)
+
+    def work():
+        return compiled.share(lambda begin, end: end - begin, 10, 10 * compiled.LEAST_SHARE)
+
+    assert work() == [1] * 10
+    child = os.fork()
+    if not child:
+        signal.alarm(30)  # what hangs is killed
+        os._exit(0 if work() == [1] * 10 else 1)
+    assert os.waitpid(child, 0)[1] == 0
 
 
 @pytest.mark.parametrize(("beams", "spacing", "first"), [(1, 1, 0), (17, 2, -9), (46, 2, -44), (60, 5, 3)])
