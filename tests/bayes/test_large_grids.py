@@ -171,12 +171,43 @@ def test_threads_change_nothing_in_numpy(monkeypatch):
     results = []
     compiled.use(None)
     for cores in (1, 3):
+        monkeypatch.setattr(compiled, "LARGE", 1000)
         monkeypatch.setattr(compiled, "LEAST_SHARE", 5000)
         monkeypatch.setattr(compiled, "_cores", lambda count=cores: count)
         scores = hall.table.log_likelihood(tour.scans[1], museum.BEAM.beam_log_likelihood, weight=0.12)
         results.append((hall.motion.predict(belief, tour.controls[0]), scores))
     assert np.array_equal(results[0][0], results[1][0])
     assert np.array_equal(results[0][1], results[1][1])
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+@pytest.mark.parametrize(
+    "control",
+    [
+        OdometryReading(),
+        OdometryReading(rot1=1.1, trans=1.9, rot2=-2.0),
+        OdometryReading(trans=-2.4),
+        OdometryReading(trans=4.5, rot2=0.5),  # several directions for each heading
+    ],
+    ids=["still", "ordinary", "backward", "far"],
+)
+def test_long_rows_of_large_grids_are_what_small_ones_get(monkeypatch, control, kind):
+    rng = np.random.default_rng(8)
+    compiled.use(None)
+    space = pose_grid((13, 17, 24), cell=(0.4, 0.5))
+    belief = rng.random(space.shape).astype(kind)
+    for free in (None, rng.random((13, 17)) < 0.7):
+        for noise in (OdometryNoise(), OdometryNoise(rotation=0.3, translation=0.5)):
+            model = TurnDriveTurn(space=space, noise=noise, free=free)
+            plain = model.predict_with_losses(belief, control)
+            with monkeypatch.context() as patch:
+                patch.setattr(compiled, "LARGE", 1000)
+                first, again = (model.predict_with_losses(belief, control) for _ in range(2))
+            error = 1e-14 if kind == np.float64 else 3e-6
+            assert first.belief.dtype == kind
+            assert np.abs(first.belief - plain.belief).max() <= error * plain.belief.max()
+            assert np.array_equal(first.belief, again.belief)  # work arrays hold nothing over
+            assert first[1:] == plain[1:]
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")

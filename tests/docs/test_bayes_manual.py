@@ -35,6 +35,7 @@ def test_each_model_in_the_tables_is_a_module_and_each_module_is_in_the_tables(p
         "in_machine_code",
         "inputs",
         "lattice",
+        "long_rows",
         "passes",
         "selected",
     }

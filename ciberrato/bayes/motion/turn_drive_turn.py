@@ -28,6 +28,7 @@ from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.motion.in_machine_code import predict_compiled
 from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
+from ciberrato.bayes.motion.long_rows import fits, predict_long_rows
 from ciberrato.bayes.motion.odometry_reading import OdometryNoise, OdometryReading, Prediction
 from ciberrato.bayes.motion.passes import (
     PoseCarry,
@@ -137,47 +138,28 @@ class TurnDriveTurn:
                 truncated,
             )
         belief = check_belief(belief, self.space.shape, single=True)
+        kernels = self._kernels(control, parts, left, cut)
+        first = turn_matrix(headings, steps / parts, rot1 / width, after=parts)
+        last = turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts)
+        first, last = (matrix.astype(belief.dtype, copy=False) for matrix in (first, last))
+        if self.space.size >= compiled.LARGE and self.skip_below == 0.0 and fits(kernels):
+            after = predict_long_rows(belief, self.free, first, last, kernels, self._work)
+            return Prediction(after, 0.0, truncated)
         # Heading first, so that each heading's image lies in one piece for the drive; the transposition is
         # the product's.
         images, driven = self._images(headings * parts, belief.dtype)
-        first = turn_matrix(headings, steps / parts, rot1 / width, after=parts).astype(
-            belief.dtype, copy=False
-        )
-        flat = belief.reshape(-1, headings)
-        places, count = flat.shape[0], headings * parts
-        compiled.share(
-            lambda begin, end: np.matmul(first.T, flat[begin:end].T, out=images[:, begin:end]),
-            places,
-            flat.size,
-        )
+        np.matmul(first.T, belief.reshape(-1, headings).T, out=images)
         skipped = 0.0
         if self.skip_below > 0.0:
             mass = images.sum(axis=1)
             small = mass < self.skip_below
             skipped = float(mass[small].sum())
             images[small] = 0.0
-        kernels = self._kernels(control, parts, left, cut)
-
-        def driven_from(begin: int, end: int) -> None:
-            some = (kernels.kernel >= begin) & (kernels.kernel < end)
-            part = LatticeKernels(kernels.kernel[some] - begin, kernels.cells[some], kernels.weights[some])
-            shape = end - begin, rows, columns
-            moved = drive(images[begin:end].reshape(shape), part, driven[begin:end].reshape(shape))
-            if not np.may_share_memory(moved, driven):
-                driven[begin:end] = moved.reshape(end - begin, -1)
-            if self.free is not None:
-                driven[begin:end] *= self.free.ravel()
-
-        compiled.share(driven_from, count, flat.size)
-        last = turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts).astype(
-            belief.dtype, copy=False
-        )
-        after = np.empty_like(flat)
-        compiled.share(
-            lambda begin, end: np.matmul(driven[:, begin:end].T, last, out=after[begin:end]),
-            places,
-            flat.size,
-        )
+        shape = (headings * parts, rows, columns)
+        moved = drive(images.reshape(shape), kernels, driven.reshape(shape)).reshape(shape[0], -1)
+        if self.free is not None:
+            moved *= self.free.ravel()
+        after = moved.T @ last
         return Prediction(after.reshape(belief.shape), skipped, truncated)
 
     def predict_states(
