@@ -125,5 +125,5 @@ def _pool() -> ThreadPoolExecutor:
 
 
 if hasattr(os, "register_at_fork"):
-    # A forked process has none of the threads, and would wait for them for ever.
+    # A forked process has none of the threads, and would wait for them without end.
     os.register_at_fork(after_in_child=_pool.cache_clear)
