@@ -27,6 +27,8 @@ UNKNOWN = -2
 
 _CHUNK = 2**21
 """Squares times sectors times faces worked on at once."""
+_MOST_FACES = 4096
+"""Faces all of which are looked at for a square; of more, the nearest ones only."""
 
 
 class LabTables:
@@ -102,13 +104,18 @@ class LabTables:
         """Create entries for squares, given by their places in the flattened `row_of`."""
         if self._rows + flat.size > self.touched_count.size:
             self._make_room(2 * (self._rows + flat.size))
-        chunk = max(1, _CHUNK // (SECTORS * max(1, len(self.faces))))
+        many = len(self.faces) > _MOST_FACES
+        chunk = 1 if many else max(1, _CHUNK // (SECTORS * max(1, len(self.faces))))
         for low in range(0, flat.size, chunk):
             some = flat[low : low + chunk]
             up, right = np.divmod(some, self.row_of.shape[1])
-            order, bounds, ahead = self.walls.views.select(
-                right - OUTSIDE * SQUARES_PER_UNIT, up - OUTSIDE * SQUARES_PER_UNIT
-            )
+            squares = right - OUTSIDE * SQUARES_PER_UNIT, up - OUTSIDE * SQUARES_PER_UNIT
+            beyond = math.inf
+            if many:
+                *found, beyond = self.walls.views.near(*(int(number[0]) for number in squares))
+                order, bounds, ahead = (array[np.newaxis] for array in found)
+            else:
+                order, bounds, ahead = self.walls.views.select(*squares)
             rows = slice(self._rows, self._rows + some.size)
             kept = np.argsort(~ahead, axis=-1, kind="stable")[..., : LONGEST + 1]
             listed = np.take_along_axis(ahead, kept, axis=-1)
@@ -116,6 +123,8 @@ class LabTables:
             numbers = np.take_along_axis(order[:, np.newaxis], kept, axis=-1)
             self.seen[rows, :, : kept.shape[-1], 0] = np.where(listed, _round_down(limits), np.inf)
             self.seen[rows, :, : kept.shape[-1], 1] = np.where(listed, numbers, 0)
+            unlisted = self.seen[rows, :, LONGEST, 0]
+            np.minimum(unlisted, _round_down(np.full(unlisted.shape, beyond)), out=unlisted)
             self.touched[rows, : min(TOUCHED, order.shape[1])] = order[:, :TOUCHED]
             self.touched_count[rows] = (bounds < ROBOT_RADIUS).sum(axis=1)
             self.row_of.ravel()[some] = np.arange(rows.start, rows.stop)
