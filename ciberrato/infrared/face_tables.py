@@ -112,8 +112,9 @@ class LabTables:
             squares = right - OUTSIDE * SQUARES_PER_UNIT, up - OUTSIDE * SQUARES_PER_UNIT
             beyond = math.inf
             if many:
-                *found, beyond = self.walls.views.near(*(int(number[0]) for number in squares))
-                order, bounds, ahead = (array[np.newaxis] for array in found)
+                column, row = (int(number[0]) for number in squares)
+                nearest, limits, here, beyond = self.walls.views.near(column, row)
+                order, bounds, ahead = nearest[np.newaxis], limits[np.newaxis], here[np.newaxis]
             else:
                 order, bounds, ahead = self.walls.views.select(*squares)
             rows = slice(self._rows, self._rows + some.size)

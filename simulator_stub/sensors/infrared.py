@@ -41,6 +41,11 @@ class InfraredSensors(Sensor):
         """Return the names in SensorRequests."""
         return tuple(f"IRSensor{number}" for number in range(SENSORS))
 
+    @property
+    def sent_always(self) -> bool:
+        """Whether its reading is sent in every cycle."""
+        return not self._requestable
+
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure the distances and turn them into readings."""
         x, y, heading = robot.x, robot.y, robot.heading
@@ -53,15 +58,19 @@ class InfraredSensors(Sensor):
                     distances[number] = exact_distance(self.world.walls, *place, SENSOR_OFFSET)
         if len(scene.robots) > 1:
             farthest = max(distances)
+            reach = farthest + REACH
             for other in scene.robots:
                 # No part of the other is nearer to any sensor than this: mostly a wall is.
-                least = math.hypot(other.x - x, other.y - y) - REACH
-                if least < farthest and other is not robot:
-                    for number, direction in enumerate(directions):
-                        if least < distances[number]:
-                            seen = other_robot_distance(x, y, direction, other.x, other.y)
-                            distances[number] = min(distances[number], seen)
-                    farthest = max(distances)
+                dx = other.x - x
+                if -reach < dx < reach and other is not robot:
+                    least = math.hypot(dx, other.y - y) - REACH
+                    if least < farthest:
+                        for number, direction in enumerate(directions):
+                            if least < distances[number]:
+                                seen = other_robot_distance(x, y, direction, other.x, other.y)
+                                distances[number] = min(distances[number], seen)
+                        farthest = max(distances)
+                        reach = farthest + REACH
         deviation, floor = self._deviation, math.floor
         self.reading = self._delay.pass_through(
             tuple(

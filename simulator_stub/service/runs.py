@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator_stub.world.robot_state import RobotState
+from simulator_stub.world.robot_state import OUT
 from simulator_stub.world.simulator_state import SimulatorState
 
 if TYPE_CHECKING:
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 FAREWELL = 1
 """Cycles after the end of a run, so that its robots see that both buttons are off."""
-
-_OUT = (RobotState.FINISHED, RobotState.REMOVED)
 
 
 class Runs:
@@ -73,7 +71,7 @@ class Runs:
         # A plain loop: this is asked after every cycle.
         for robot in simulation.robots:
             client = clients[robot.robot_id]
-            if not (robot.state in _OUT or client.peer.closed or self._gone(client.attendance)):
+            if not (robot.state in OUT or client.peer.closed or self._gone(client.attendance)):
                 return False
         return True
 
