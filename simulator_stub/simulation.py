@@ -27,6 +27,7 @@ from ciberrato.world.coordinates import SensorAngles
 from ciberrato.world.lab import Beacon, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
+from simulator_stub.compiled_cycle import CompiledCycle
 from simulator_stub.robot_transitions import next_state
 from simulator_stub.scoring import SCORINGS, Scoring, find_scoring
 from simulator_stub.sensors import SENSORS, Equipment, Scene, Sensor, own_sensors
@@ -63,8 +64,8 @@ class Simulation:
         Sensors that others wrote and every robot carries, too: classes, names of entry points
         (``ciberrato.sensors``) or ``module:Class``.
     compiled : bool
-        Compute IR distances in machine code made by numba, the optional extra ``fast``; the results are the
-        same to the last bit.
+        Move and measure in machine code made by numba, the optional extra ``fast``; the results are the same
+        to the last bit.
 
     Attributes
     ----------
@@ -107,6 +108,7 @@ class Simulation:
         self._kinds = (*SENSORS, *own_sensors(sensors, [sensor.name for sensor in SENSORS]))
         self._noise = NoiseRoot.from_seed(seed)
         self.worlds = 0
+        self._compiled = CompiledCycle(self.world) if compiled else None
         self._machine = SimulatorStateMachine()
         self._robots: dict[int, Robot] = {}
         self.robots: tuple[Robot, ...] = ()
@@ -347,32 +349,32 @@ class Simulation:
     def advance(self) -> dict[int, Measures]:
         """Advance the time if the simulator is running; measure in any case."""
         self._run()
-        buttons = self._buttons()
+        buttons, equipment = self._buttons(), self._equipment
         return {
-            robot.robot_id: self._equipment[robot.robot_id].measures(robot, self.time, **buttons)
-            for robot in self._present
+            one.robot_id: equipment[one.robot_id].measures(one, self.time, **buttons) for one in self._present
         }
 
     def advance_encoded(self) -> dict[int, bytes]:
         """Do the same as `advance`, and return the messages as they are sent."""
         self._run()
-        buttons = self._buttons()
+        buttons, equipment = self._buttons(), self._equipment
         return {
-            robot.robot_id: self._equipment[robot.robot_id].encoded(robot, self.time, **buttons)
-            for robot in self._present
+            one.robot_id: equipment[one.robot_id].encoded(one, self.time, **buttons) for one in self._present
         }
 
     def _run(self) -> None:
         present = self._present = [robot for robot in self.robots if robot.state is not RobotState.REMOVED]
         running = self._machine.current is SimulatorState.RUNNING
-        if running:
-            self.time += 1
-            move(self.world, present)
+        self.time += running
         speakers = [robot for robot in self.robots if robot.said is not None]
         scene = Scene(present, self.time, running, speakers, self.gps_offset)
-        for robot in present:
-            for update in self._equipment[robot.robot_id].updates:
-                update(robot, scene)
+        compiled = self._compiled if running else None
+        if compiled is None or not compiled.run(present, self._equipment, scene):
+            if running:
+                move(self.world, present)
+            for robot in present:
+                for update in self._equipment[robot.robot_id].updates:
+                    update(robot, scene)
         if running:
             for robot in present:
                 if robot.state in MOVING:

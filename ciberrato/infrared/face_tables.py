@@ -68,6 +68,11 @@ class LabTables:
         self.touched = np.zeros((0, TOUCHED), np.int64)
         self.touched_count = np.zeros(0, np.int64)
 
+    @property
+    def squares(self) -> int:
+        """Number of squares that have entries."""
+        return self._rows
+
     def rows_at(self, x: Floats, y: Floats) -> Integers:
         """Find the rows of places; squares that have no entries yet get them.
 

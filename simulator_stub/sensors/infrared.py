@@ -23,7 +23,13 @@ REACH = SENSOR_OFFSET + ROBOT_RADIUS + 1e-6
 
 
 class InfraredSensors(Sensor):
-    """Reads 1/distance to walls and other robots, plus Gaussian noise, rounded to 0.1 and not clamped."""
+    """Reads 1/distance to walls and other robots, plus Gaussian noise, rounded to 0.1 and not clamped.
+
+    Attributes
+    ----------
+    axes : tuple of float
+        Mounting angles in radians.
+    """
 
     name = "infrared"
 
@@ -32,7 +38,7 @@ class InfraredSensors(Sensor):
         parameters = world.parameters
         self._requestable = parameters.obstacle_requestable
         self._deviation = parameters.obstacle_noise
-        self._angles = tuple(angle / 180.0 * math.pi for angle in robot.angles)
+        self.axes = tuple(angle / 180.0 * math.pi for angle in robot.angles)
         self._delay = Delay(parameters.obstacle_latency, (0.0,) * SENSORS)
         self.reading: tuple[float, ...] = (0.0,) * SENSORS
 
@@ -49,7 +55,7 @@ class InfraredSensors(Sensor):
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure the distances and turn them into readings."""
         x, y, heading = robot.x, robot.y, robot.heading
-        directions = [heading + angle for angle in self._angles]
+        directions = [heading + angle for angle in self.axes]
         distances = self.world.distances(x, y, directions)
         if self._deviation == 0.0:
             for number, distance in enumerate(distances):

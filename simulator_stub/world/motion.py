@@ -34,7 +34,7 @@ def move(world: World, robots: Sequence[Robot]) -> None:
         _run_motors(robot, deviation)
     if len(robots) == 1:
         x, y, _ = robots[0].wanted
-        _commit(robots[0], touches_wall=world.walls.touches(x, y, ROBOT_RADIUS), touches_robot=False)
+        commit(robots[0], touches_wall=world.walls.touches(x, y, ROBOT_RADIUS), touches_robot=False)
         return
     wall, robot_in_way = resolve_collisions(
         world.walls,
@@ -43,7 +43,7 @@ def move(world: World, robots: Sequence[Robot]) -> None:
         [(robot.left_output + robot.right_output) / 2.0 for robot in robots],
     )
     for robot, touches_wall, touches_robot in zip(robots, wall, robot_in_way, strict=True):
-        _commit(robot, touches_wall=touches_wall, touches_robot=touches_robot)
+        commit(robot, touches_wall=touches_wall, touches_robot=touches_robot)
 
 
 def _run_motors(robot: Robot, deviation: float) -> None:
@@ -68,7 +68,7 @@ def _run_motors(robot: Robot, deviation: float) -> None:
     )
 
 
-def _commit(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
+def commit(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
     """Set the flags, the counter, which counts beginnings only, and the pose."""
     collided_before = robot.touches_wall or robot.touches_robot
     collides = touches_wall or touches_robot

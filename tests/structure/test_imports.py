@@ -73,8 +73,10 @@ SIMULATOR = {
     "sensors": {"world"},
     "scoring": {"world"},
     "robot_transitions": {"scoring", "world"},
-    "simulation": {"robot_transitions", "scoring", "sensors", "world"},
-    "batch": {"scoring", "sensors", "simulation", "world"},
+    "cycle_loops": {"sensors"},
+    "compiled_cycle": {"cycle_loops", "sensors", "world"},
+    "simulation": {"compiled_cycle", "robot_transitions", "scoring", "sensors", "world"},
+    "batch": {"cycle_loops", "scoring", "sensors", "simulation", "world"},
     "recording": {"simulation", "world"},
     "service": {"recording", "simulation", "world"},
 }
