@@ -2,13 +2,15 @@
 
 Processor time, as it counts on a busy machine, too: what is measured by the wall clock is in
 `benchmarks.simulator_lockstep`. The parts are measured in this process, with clients that answer at once and
-no sockets; the whole in a simulator of its own (Linux). ``python -m benchmarks.lockstep_parts`` prints the
-growth.
+no sockets; the whole in a simulator of its own (Linux), which may use one processor only, so that it does not
+wait awake. ``python -m benchmarks.lockstep_parts`` prints the growth; with ``before FOLDER``, it compares the
+version in another checkout with this one, in turns.
 """
 
 from __future__ import annotations
 
 import math
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -110,7 +112,7 @@ def rows() -> Iterator[Row]:
         bare = whole = math.inf
         for _ in range(SERIES):
             bare = min(bare, echo(robots)[1])
-            whole = min(whole, run_cycles("udp", robots)[1])
+            whole = min(whole, run_cycles("udp", robots, alone=True)[1])
         places = [GridPosition(x=3.0 + 4 * number, y=3.0, direction=0.0) for number in range(robots)]
         parts = _parts(lab, StartGrid(positions=tuple(places)), robots)
         single = single or parts["simulation"]
@@ -195,8 +197,66 @@ def growth() -> Iterator[str]:
         yield f"| {robots} | {walls:,} | {first:,.0f} us | {later:,.0f} us | {later / robots:,.0f} us |"
 
 
+_STEP = """
+from benchmarks import lockstep_parts as parts
+from ciberrato.files.lab import read_lab
+from ciberrato.labs import find_lab
+from ciberrato.world.start_grid import GridPosition, StartGrid
+places = [GridPosition(x=3.0 + 4 * number, y=3.0, direction=0.0) for number in range({robots})]
+found = parts._parts(read_lab(find_lab("maze")), StartGrid(positions=tuple(places)), {robots})
+print(found["simulation"])
+"""
+
+
+def compare(folder: str, rounds: int = 6) -> Iterator[str]:
+    """Yield lines: a cycle of the version in another checkout, of this one, and of its machine code.
+
+    All by processor time, in turns: the least of some rounds, and the median in brackets.
+    """
+    yield "| | 1 robot | 5 robots |"
+    yield "| --- | --- | --- |"
+    versions: dict[str, tuple[str | None, tuple[str, ...]]] = {
+        "before": (folder, ()),
+        "now": (None, ()),
+        "now, `--compiled`": (None, ("--compiled",)),
+    }
+    cycles: dict[tuple[str, int], list[float]] = {}
+    steps: dict[tuple[str, int], list[float]] = {}
+    for robots in CYCLES:
+        for _ in range(rounds):
+            cycles.setdefault(("bare", robots), []).append(echo(robots)[1])
+            for name, (where, options) in versions.items():
+                seconds = run_cycles("udp", robots, *options, folder=where, alone=True)[1]
+                cycles.setdefault((name, robots), []).append(seconds)
+            for name in ("before", "now"):
+                command = [sys.executable, "-c", _STEP.format(robots=robots)]
+                text = subprocess.run(command, cwd=versions[name][0], check=True, capture_output=True).stdout
+                steps.setdefault((name, robots), []).append(float(text))
+
+    def shown(found: dict[tuple[str, int], list[float]], name: str) -> list[str]:
+        times = [np.array(found[name, robots]) * 1e6 for robots in CYCLES]
+        return [f"{each.min():.1f} ({np.median(each):.1f}) us" for each in times]
+
+    yield _line("bare exchange", shown(cycles, "bare"))
+    for name in versions:
+        yield _line(f"a cycle {name}", shown(cycles, name))
+    for name in ("before", "now"):
+        yield _line(f"plain step {name}", shown(steps, name))
+    for name in versions:
+        for reference in ("before", "now"):
+            ratios = []
+            for robots in CYCLES:
+                beyond = min(cycles[name, robots]) - min(cycles["bare", robots])
+                ratios.append(f"{beyond / (robots * min(steps[reference, 1])):.2f}")
+            yield _line(f"beyond the bare exchange {name}, in plain single steps {reference}", ratios)
+
+
+def _line(title: str, cells: list[str]) -> str:
+    return f"| {' | '.join((title, *cells))} |"
+
+
 if __name__ == "__main__":
-    if sys.argv[1:]:
-        sys.exit(f"usage: python -m benchmarks.{Path(__file__).stem}")
-    for line in growth():
+    if sys.argv[1:] and (len(sys.argv) != 3 or sys.argv[1] != "before"):
+        sys.exit(f"usage: python -m benchmarks.{Path(__file__).stem} [before FOLDER]")
+    for line in compare(sys.argv[2]) if sys.argv[1:] else growth():
         print(line, flush=True)
