@@ -58,17 +58,25 @@ class CompiledCycle:
             (parameters.obstacle_latency, parameters.compass_latency, parameters.ground_latency)
         ) or bool(parameters.collision_latency)
         self._equipment: list[Equipment] = []
-        self._make_room([])
+        self._make_room([], [])
         self._call()  # compiled, or read from the disk, before the first robot waits for it
 
     def __deepcopy__(self, memo: dict[int, object]) -> CompiledCycle:
         return CompiledCycle(self._world)
 
-    def _make_room(self, equipment: list[Equipment]) -> None:
+    def _make_room(self, equipment: list[Equipment], robots: Sequence[Robot]) -> None:
         """Prepare for these robots."""
         self._equipment = equipment
         self._usual = all(one.usual is not None for one in equipment) and not self._late
         angles: list[Any] = [one.usual[3].axes for one in equipment if one.usual is not None]
+        # Per robot: sensors, and methods bound once.
+        self._plan: list[tuple[Any, ...]] = []
+        for robot, one in zip(robots, equipment, strict=True):
+            if one.usual is not None:
+                collision, compass, ground, infrared, line, hearing = one.usual
+                draws = robot.motor_noise.normals, infrared.noise[1].normals, compass.noise[1].normal
+                updates = (line.update, hearing.update)
+                self._plan.append((collision, ground, infrared, *draws, updates, compass))
         self._angles = np.array(angles, np.float64).reshape(-1, 4)
         self._robots = np.zeros((len(equipment), 15))
         self._results = np.zeros((len(equipment), 16))
@@ -102,42 +110,40 @@ class CompiledCycle:
         """
         carried = [equipment[robot.robot_id] for robot in robots]
         if carried != self._equipment:
-            self._make_room(carried)
+            self._make_room(carried, robots)
         if not self._usual:
             return False
+        rows, plan = self._in, self._plan
         place = 0
-        for robot, (_, compass, _, infrared, _, _) in self._with_sensors(robots):
-            right, left = robot.motor_noise.normals(2) if self._motors else (0.0, 0.0)
+        for robot, (_, _, _, motor, axes, turn, _, _) in zip(robots, plan, strict=True):
+            right, left = motor(2) if self._motors else (0.0, 0.0)
             _IN.pack_into(
-                self._in, place,
+                rows, place,
                 robot.x, robot.y, robot.heading, robot.left_command, robot.right_command,
-                robot.left_output, robot.right_output, robot.state in MOVING, right, left,
-                *infrared.noise[1].normals(4), compass.noise[1].normal(),
+                robot.left_output, robot.right_output, robot.state in MOVING, right, left, *axes(4), turn(),
             )  # fmt: skip
             place += _IN.size
         while not self._call():
             if not self._learn():
                 self._put_back(robots)
                 return False
+        rows = self._out
         place = 0
-        for robot, (collision, compass, ground, infrared, _, _) in self._with_sensors(robots):
+        for robot, (collision, ground, infrared, _, _, _, _, compass) in zip(robots, plan, strict=True):
             (
                 robot.left_output, robot.right_output, x, y, heading, wall, other,
                 ir0, ir1, ir2, ir3, compass.reading, target,
-            ) = _OUT.unpack_from(self._out, place)  # fmt: skip
+            ) = _OUT.unpack_from(rows, place)  # fmt: skip
             place += _OUT.size
             robot.wanted = (x, y, heading)
             commit(robot, touches_wall=wall != 0.0, touches_robot=other != 0.0)
             collision.reading = robot.touches_wall or robot.touches_robot
             infrared.reading = (ir0, ir1, ir2, ir3)
             ground.reading = int(target)
-        for robot, (_, _, _, _, line, hearing) in self._with_sensors(robots):
-            line.update(robot, scene)
-            hearing.update(robot, scene)
+        for robot, (_, _, _, _, _, _, updates, _) in zip(robots, plan, strict=True):
+            for update in updates:
+                update(robot, scene)
         return True
-
-    def _with_sensors(self, robots: Sequence[Robot]) -> Any:
-        return zip(robots, [one.usual for one in self._equipment], strict=True)
 
     def _learn(self) -> bool:
         """Make lists of faces for where the robots go; return whether any was missing."""
@@ -151,7 +157,7 @@ class CompiledCycle:
 
     def _put_back(self, robots: Sequence[Robot]) -> None:
         """Put the random numbers back: they are drawn again."""
-        for robot, (_, compass, _, infrared, _, _) in self._with_sensors(robots):
+        for robot, (_, _, infrared, _, _, _, _, compass) in zip(robots, self._plan, strict=True):
             if self._motors:
                 robot.motor_noise.put_back(2)
             infrared.noise[1].put_back(4)

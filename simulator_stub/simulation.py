@@ -351,7 +351,7 @@ class Simulation:
         self._run()
         buttons, equipment = self._buttons(), self._equipment
         return {
-            one.robot_id: equipment[one.robot_id].measures(one, self.time, **buttons) for one in self._present
+            one.robot_id: equipment[one.robot_id].measures(one, self.time, buttons) for one in self._present
         }
 
     def advance_encoded(self) -> dict[int, bytes]:
@@ -359,7 +359,7 @@ class Simulation:
         self._run()
         buttons, equipment = self._buttons(), self._equipment
         return {
-            one.robot_id: equipment[one.robot_id].encoded(one, self.time, **buttons) for one in self._present
+            one.robot_id: equipment[one.robot_id].encoded(one, self.time, buttons) for one in self._present
         }
 
     def _run(self) -> None:
@@ -380,9 +380,9 @@ class Simulation:
                 if robot.state in MOVING:
                     self.scoring.update(robot, self.time, present)
 
-    def _buttons(self) -> dict[str, bool]:
+    def _buttons(self) -> tuple[bool, bool]:
         coming = self._machine.coming
-        return {"start": coming is SimulatorState.RUNNING, "stop": coming is SimulatorState.STOPPED}
+        return coming is SimulatorState.RUNNING, coming is SimulatorState.STOPPED
 
     def statuses(self) -> tuple[RobotStatus, ...]:
         """Return what views receive; between `advance` and `end_cycle`, as states change only then."""
@@ -416,5 +416,5 @@ class Simulation:
         over : bool
             Whether the time is over, so that both buttons are off.
         """
-        measures = self._equipment[robot.robot_id].readings(robot, self.time, **self._buttons())
+        measures = self._equipment[robot.robot_id].readings(robot, self.time, self._buttons())
         return replace(measures, start=False, stop=False) if over else measures

@@ -20,6 +20,8 @@ from simulator_stub.sensors.own import fill_in
 if TYPE_CHECKING:
     from simulator_stub.world.robot import Robot
 
+Buttons = tuple[bool, bool]
+
 _USUAL = (CollisionSensor, CompassSensor, GroundSensor, InfraredSensors, LineSensor, Hearing)
 """The sensors of a robot by the default parameters: all of them are sent in every cycle."""
 
@@ -57,7 +59,7 @@ class Equipment:
         if present and all(sensor.sent_always for sensor in self.sensors):
             self.usual = tuple(by_kind[kind] for kind in _USUAL)
 
-    def measures(self, robot: Robot, time: int, *, start: bool, stop: bool) -> Measures:
+    def measures(self, robot: Robot, time: int, buttons: Buttons) -> Measures:
         """Return what the robot receives.
 
         Parameters
@@ -65,38 +67,39 @@ class Equipment:
         robot : Robot
         time : int
             Simulated cycles so far.
-        start, stop : bool
-            The buttons.
+        buttons : (bool, bool)
+            Start and Stop.
         """
         fields: dict[str, Any] = {}
         for report in self._reports:
             report(robot, fields)
-        return _complete(robot, fields, time, start, stop)
+        return _complete(robot, fields, time, buttons)
 
-    def encoded(self, robot: Robot, time: int, *, start: bool, stop: bool) -> bytes:
+    def encoded(self, robot: Robot, time: int, buttons: Buttons) -> bytes:
         """Return the same as a datagram: ``encode(measures(...))``, to the byte, but sooner."""
         if self.usual is not None:
             collision, compass, ground, infrared, line, hearing = self.usual
             if not hearing.heard:
                 data = usual_measures(
                     time, collision.reading, compass.reading, ground.reading, infrared.reading, line.reading,
-                    (robot.end_led, robot.returning_led, robot.visiting_led, start, stop),
+                    (robot.end_led, robot.returning_led, robot.visiting_led, *buttons),
                 )  # fmt: skip
                 if data is not None:
                     return data
-        return encode(self.measures(robot, time, start=start, stop=stop))
+        return encode(self.measures(robot, time, buttons))
 
-    def readings(self, robot: Robot, time: int, *, start: bool, stop: bool) -> Measures:
+    def readings(self, robot: Robot, time: int, buttons: Buttons) -> Measures:
         """Return what the log holds: the last readings, requested or not, and the LEDs."""
         fields: dict[str, Any] = {}
         for sensor in self.sensors:
             sensor.record(fields)
-        return _complete(robot, fields, time, start, stop)
+        return _complete(robot, fields, time, buttons)
 
 
-def _complete(robot: Robot, fields: dict[str, Any], time: int, start: bool, stop: bool) -> Measures:
+def _complete(robot: Robot, fields: dict[str, Any], time: int, buttons: Buttons) -> Measures:
     draft: Any = MeasuresDraft()
-    draft.time, draft.start, draft.stop = time, start, stop
+    draft.time = time
+    draft.start, draft.stop = buttons
     draft.end_led = robot.end_led
     draft.returning_led = robot.returning_led
     draft.visiting_led = robot.visiting_led

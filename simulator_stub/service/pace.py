@@ -231,10 +231,13 @@ class Lockstep(Pace):
             client.answers.answered_at = None
         # Look at least once, so that registrations, views and signals are noticed in any case.
         wait = 0.0 if all_answered(awaited) else SHORTEST_PATIENCE
-        if wait and running and self._vigil is not None:
-            if not self._vigil.keep(poll, awaited):
+        vigil = self._vigil
+        if wait and running and vigil is not None:
+            asleep = vigil.asleep
+            if not vigil.keep(poll, awaited):
                 return False
-            wait = 0.0 if all_answered(awaited) else SHORTEST_PATIENCE
+            if vigil.asleep == asleep and all_answered(awaited):
+                wait = 0.0
         look_at = began + wait
         while True:
             if not poll(wait):

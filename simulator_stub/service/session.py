@@ -40,7 +40,7 @@ from ciberrato.protocol import (
     encode,
     fit_reply,
 )
-from simulator_stub.recording.observer import Observer
+from simulator_stub.recording.observer import Observer, overriding
 from simulator_stub.service.allowance import DROPPED
 from simulator_stub.service.attendance import Attendance
 from simulator_stub.service.audience import Admission, Audience
@@ -112,6 +112,8 @@ class Session:
         self.simulation = simulation
         self._restarts = restarts
         self.observers = observers
+        self._actions_read = overriding(observers, "actions_read")
+        self._cycle_done = overriding(observers, "cycle_done")
         self._kidnapper = kidnapper
         self.robots: dict[int, RobotClient] = {}
         self.before_measures: Callable[[], None] = _nothing
@@ -171,8 +173,8 @@ class Session:
             self._complain("a robot requested a restart, which --no-restart disables")
         if self._kidnapper is not None:
             self._kidnapper.before_move(simulation)
-        for observer in self.observers:
-            observer.actions_read(simulation)
+        for actions_read in self._actions_read:
+            actions_read(simulation)
         if self._reception:
             self._check_in()
         if start:
@@ -181,8 +183,8 @@ class Session:
         if self.audience.views:
             self._read_commands()
         messages = simulation.advance_encoded()
-        for observer in self.observers:
-            observer.cycle_done(simulation)
+        for cycle_done in self._cycle_done:
+            cycle_done(simulation)
         self.before_measures()
         for robot_id, data in messages.items():
             client = self.robots[robot_id]

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.waking import latencies
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system binds no process to a processor")
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no such call on this system")
 @pytest.mark.parametrize("awake", [False, True])
 def test_latencies_are_of_all_datagrams_and_leave_the_processors_as_they_were(awake: bool) -> None:
     before = os.sched_getaffinity(0)
