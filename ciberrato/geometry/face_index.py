@@ -15,7 +15,7 @@ import numpy as np
 
 from ciberrato.arrays import Floats, Indices, Integers
 
-_FEW = 1024
+_FEW = 16384
 """Faces of which all are looked at: that takes no longer."""
 _IN_A_TILE = 16
 """Faces that a tile has on an average."""
@@ -93,12 +93,15 @@ class FaceIndex:
         rings = math.ceil(math.sqrt(count / (math.pi * _IN_A_TILE)))
         while True:
             faces, within = self._around(x, y, rings)
+            if faces.size < count and within < math.inf:  # as near the border
+                rings += rings // 2 + 1
+                continue
             bounds = self._distances(x, y, faces) - slack
             order = least(bounds, count)
             bounds = bounds[order]
             if within == math.inf or (order.size == count and bounds[-1] < within - slack):
                 return faces[order], bounds
-            rings *= 2
+            rings += rings // 2 + 1
 
     def _around(self, x: float, y: float, rings: int) -> tuple[Integers, float]:
         """Return the faces of a block of tiles, and the distance within which there are no others."""
@@ -114,7 +117,11 @@ class FaceIndex:
                 low, high = line * self._columns + left, line * self._columns + right
                 parts.append(self._listed[self._begin[low] : self._begin[high]])
         # The middle tile, with the point in it, is none of the rings.
-        return np.unique(np.concatenate(parts)), rings * self._size - _MARGIN
+        faces = np.concatenate(parts)
+        faces.sort()
+        fresh = np.ones(faces.size, np.bool_)  # as np.unique does, in half the time
+        np.not_equal(faces[1:], faces[:-1], out=fresh[1:])
+        return faces[fresh], rings * self._size - _MARGIN
 
     def _distances(self, x: float, y: float, faces: Integers | slice) -> Floats:
         dx, dy = x - self._start_x[faces], y - self._start_y[faces]

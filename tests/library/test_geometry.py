@@ -141,8 +141,9 @@ def test_least_values_in_order(values, count):
 
 
 @pytest.mark.parametrize("spread", [1.0, 30.0, 2000.0])
-def test_nearest_faces_by_tiles_are_those_of_all(spread, rng):
+def test_nearest_faces_by_tiles_are_those_of_all(monkeypatch, spread, rng):
     """Short faces and long ones, clusters and empty plains; points beyond them all, too."""
+    monkeypatch.setattr("ciberrato.geometry.face_index._FEW", 1000)
     start = np.concatenate((rng.uniform(0.0, 200.0, (2500, 2)), rng.normal(90.0, 1.0, (800, 2))))
     angles, length = rng.uniform(-math.pi, math.pi, len(start)), rng.exponential(0.7, len(start))
     length[:40] *= spread
