@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measure import Row
-from benchmarks.simulator_lockstep import ANSWER, CYCLES, REGISTRATION, echo, run_cycles
+from benchmarks.simulator_lockstep import ANSWER, CYCLES, REGISTRATION, bare_loop, echo, run_cycles
 from ciberrato.files.lab import read_lab
 from ciberrato.labs import find_lab
 from ciberrato.protocol import Measures, decode_actions, encode
@@ -202,14 +202,16 @@ from benchmarks import lockstep_parts as parts
 from ciberrato.files.lab import read_lab
 from ciberrato.labs import find_lab
 from ciberrato.world.start_grid import GridPosition, StartGrid
-places = [GridPosition(x=3.0 + 4 * number, y=3.0, direction=0.0) for number in range({robots})]
+places = [GridPosition(x=3.0 + 4 * number, y=3.0) for number in range({robots})]
 found = parts._parts(read_lab(find_lab("maze")), StartGrid(positions=tuple(places)), {robots})
 print(found["simulation"])
 """
 
 
-def compare(folder: str, rounds: int = 6) -> Iterator[str]:
+def compare(folder: str, rounds: int = 4) -> Iterator[str]:
     """Yield lines: a cycle of the version in another checkout, of this one, and of its machine code.
+
+    Beside them the bare exchange, and a loop that does nothing but what a cycle needs.
 
     All by processor time, in turns: the least of some rounds, and the median in brackets.
     """
@@ -220,6 +222,7 @@ def compare(folder: str, rounds: int = 6) -> Iterator[str]:
         "now": (None, ()),
         "now, `--compiled`": (None, ("--compiled",)),
     }
+    loops = {"a loop that receives, decodes, steps, encodes, sends": False, "the same, machine code": True}
     cycles: dict[tuple[str, int], list[float]] = {}
     steps: dict[tuple[str, int], list[float]] = {}
     for robots in CYCLES:
@@ -228,6 +231,8 @@ def compare(folder: str, rounds: int = 6) -> Iterator[str]:
             for name, (where, options) in versions.items():
                 seconds = run_cycles("udp", robots, *options, folder=where, alone=True)[1]
                 cycles.setdefault((name, robots), []).append(seconds)
+            for name, compiled in loops.items():
+                cycles.setdefault((name, robots), []).append(bare_loop(robots, compiled=compiled))
             for name in ("before", "now"):
                 command = [sys.executable, "-c", _STEP.format(robots=robots)]
                 text = subprocess.run(command, cwd=versions[name][0], check=True, capture_output=True).stdout
@@ -238,6 +243,8 @@ def compare(folder: str, rounds: int = 6) -> Iterator[str]:
         return [f"{each.min():.1f} ({np.median(each):.1f}) us" for each in times]
 
     yield _line("bare exchange", shown(cycles, "bare"))
+    for name in loops:
+        yield _line(name, shown(cycles, name))
     for name in versions:
         yield _line(f"a cycle {name}", shown(cycles, name))
     for name in ("before", "now"):
