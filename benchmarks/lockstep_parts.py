@@ -113,7 +113,7 @@ def rows() -> Iterator[Row]:
         for _ in range(SERIES):
             bare = min(bare, echo(robots)[1])
             whole = min(whole, run_cycles("udp", robots, alone=True)[1])
-        places = [GridPosition(x=3.0 + 4 * number, y=3.0, direction=0.0) for number in range(robots)]
+        places = [GridPosition(x=3.0 + 4 * number, y=3.0) for number in range(robots)]
         parts = _parts(lab, StartGrid(positions=tuple(places)), robots)
         single = single or parts["simulation"]
         yield Row(group=group, who="bare exchange", seconds=bare, note="the same datagrams, nothing done")
@@ -190,7 +190,7 @@ def growth() -> Iterator[str]:
         lab = pillars(walls)
         row = max(1, round(lab.width / 3.0) - 1)
         places = [(1.5 + 3.0 * (number % row), 1.5 + 3.0 * (number // row)) for number in range(robots)]
-        grid = StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=0.0) for x, y in places))
+        grid = StartGrid(positions=tuple(GridPosition(x=x, y=y, direction_deg=0.0) for x, y in places))
         loop = Loop(lab, grid, robots)
         times = np.array([processor_seconds(loop.cycle, 20) for _ in range(40)]) * 1e6
         first, later = times[:5].mean(), times[20:].mean()

@@ -37,7 +37,7 @@ STATE = (
 def twins(lab: Lab, robots: int, changes: dict[str, Any], spacing: float = 1.1) -> list[Simulation]:
     """The same simulation in Python and in machine code; robots so near that they meet."""
     places = [
-        GridPosition(x=3.0 + spacing * number, y=3.0, direction=37.0 * number) for number in range(robots)
+        GridPosition(x=3.0 + spacing * number, y=3.0, direction_deg=37.0 * number) for number in range(robots)
     ]
     made = []
     for compiled in (False, True):

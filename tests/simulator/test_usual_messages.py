@@ -73,7 +73,7 @@ def test_usual_datagrams_are_those_of_the_general_encoder(
 )
 def test_a_cycle_is_sent_as_the_measures_of_a_twin_are_encoded(usual: bool, changes: dict[str, Any]) -> None:
     """Two robots that drive, speak, light LEDs, ask for sensors and end, some of it in the same cycle."""
-    grid = StartGrid(positions=(GridPosition(x=3.0, y=3.0), GridPosition(x=7.0, y=3.0, direction=90.0)))
+    grid = StartGrid(positions=(GridPosition(x=3.0, y=3.0), GridPosition(x=7.0, y=3.0, direction_deg=90.0)))
     twins = [
         Simulation(read_lab(find_lab("maze")), grid, replace(Parameters(sim_time=60), **changes), seed=3)
         for _ in range(2)
