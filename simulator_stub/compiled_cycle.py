@@ -80,8 +80,8 @@ class CompiledCycle:
         self._angles = np.array(angles, np.float64).reshape(-1, 4)
         self._robots = np.zeros((len(equipment), 15))
         self._results = np.zeros((len(equipment), 16))
-        self._in = memoryview(self._robots.reshape(-1)).cast("B") if equipment else memoryview(b"")
-        self._out = memoryview(self._results.reshape(-1)).cast("B") if equipment else memoryview(b"")
+        self._in = self._robots.data.cast("B") if equipment else memoryview(b"")
+        self._out = self._results.data.cast("B") if equipment else memoryview(b"")
 
     def _call(self) -> bool:
         tables = self._tables
@@ -146,7 +146,7 @@ class CompiledCycle:
         return True
 
     def _learn(self) -> bool:
-        """Make lists of faces for where the robots go; return whether any was missing."""
+        """Create lists of faces for where the robots go; return whether any was missing."""
         tables, out = self._tables, self._results
         known = tables.squares
         axes = out[:, 15:16] + self._angles
@@ -156,7 +156,7 @@ class CompiledCycle:
         return tables.squares > known
 
     def _put_back(self, robots: Sequence[Robot]) -> None:
-        """Put the random numbers back: they are drawn again."""
+        """Return the random numbers to their streams: they are drawn again."""
         for robot, (_, _, infrared, _, _, _, _, compass) in zip(robots, self._plan, strict=True):
             if self._motors:
                 robot.motor_noise.put_back(2)

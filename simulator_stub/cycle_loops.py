@@ -121,7 +121,7 @@ def touches_face(faces, face, x, y):
 
 @_jit
 def _moves_towards(robots, out, robot, other):
-    """As `ciberrato.physics.collisions`: by the poses before the move."""
+    """Return whether a robot moves towards another, by the poses before the move; as `physics.collisions`."""
     dx, dy = robots[other, 0] - robots[robot, 0], robots[other, 1] - robots[robot, 1]
     speed = (out[robot, 0] + out[robot, 1]) / 2.0
     if speed == 0.0 or (dx == 0.0 and dy == 0.0):
@@ -132,7 +132,7 @@ def _moves_towards(robots, out, robot, other):
 
 @_jit
 def _robot_ahead(x, y, direction, other_x, other_y):
-    """As `ciberrato.infrared.model.other_robot_distance`."""
+    """Return the distance of another robot; as `ciberrato.infrared.model.other_robot_distance`."""
     axis = wrap(direction)
     dx = other_x - (x + SENSOR_OFFSET * math.cos(axis))
     dy = other_y - (y + SENSOR_OFFSET * math.sin(axis))

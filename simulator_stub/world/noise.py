@@ -127,7 +127,7 @@ class Stream:
         return self._normals[begin:end]
 
     def put_back(self, count: int) -> None:
-        """Have the last normal numbers, as many as were returned at once, returned again."""
+        """Return to the stream the last normal numbers, as many as were drawn at once: they come again."""
         self._next -= count
 
     def uniforms(self, count: int) -> NDArray[np.float64]:

@@ -93,6 +93,7 @@ ITSELF_LAZY = {
     "ciberrato/infrared/cone_compiled.py",
     "ciberrato/localization/belief/kernels.py",
     "simulator_stub/batch/loops.py",
+    "simulator_stub/cycle_loops.py",
 }
 
 
