@@ -34,11 +34,15 @@ def measures(
 class Bench:
     """An answerer, what it has sent, and the time."""
 
-    def __init__(self, *, roams: bool = True, parameters: Parameters = PARAMETERS) -> None:
+    def __init__(
+        self, *, roams: bool = True, parameters: Parameters = PARAMETERS, lockstep: bool = False
+    ) -> None:
         self.sent: list[tuple[float, Actions]] = []
         self.told: list[Answered] = []
         self.now = 100.0
-        setup = AnswererSetup(parameters=parameters, angles=ANGLES, cruise=0.1, roams=roams)
+        setup = AnswererSetup(
+            parameters=parameters, angles=ANGLES, cruise=0.1, roams=roams, lockstep=lockstep
+        )
         self.answerer = Answerer(setup, self._send, self.told.append)
 
     def _send(self, data: bytes) -> None:
@@ -117,18 +121,28 @@ def test_a_robot_that_roams_goes_on_by_its_sensors() -> None:
     for time in range(30):
         bench.hear(measures(time))
         bench.pass_time(bench.now + CYCLE)
-    # The first few messages do not show yet whether the simulator waits for the agent.
-    assert [answer.answers for answer in bench.told] == list(range(3, 30))
+    assert [answer.answers for answer in bench.told] == list(range(30))
     assert all(0.0 < answer.command[0] <= 0.1 for answer in bench.told)
 
 
-def test_a_simulator_that_waits_is_answered_by_decisions_only() -> None:
-    bench = Bench()
+@pytest.mark.parametrize("pace", [0.01, 1.0, 3.0])
+def test_a_simulator_in_lockstep_is_answered_by_decisions_only_at_any_pace(pace: float) -> None:
+    bench = Bench(lockstep=True)
     for time in range(10):
-        bench.hear(measures(time), after=3.0 * CYCLE)
+        bench.hear(measures(time), after=pace * CYCLE)
         assert math.isinf(bench.answerer.due)
         bench.decide(time, 0.15, -0.15)
     assert [command(actions) for _, actions in bench.sent] == [(0.15, -0.15)] * 10
+
+
+@pytest.mark.parametrize("pace", [0.01, 3.0])
+def test_a_simulator_that_shows_another_pace_is_taken_to_wait(pace: float) -> None:
+    bench = Bench()
+    for time in range(10):
+        bench.hear(measures(time), after=pace * CYCLE)
+        assert math.isinf(bench.answerer.due) is (time >= 3)  # real time, as the real one, until then
+        bench.decide(time, 0.05, 0.05)
+    assert [command(actions) for _, actions in bench.sent] == [(0.05, 0.05)] * 10
 
 
 def test_of_messages_that_come_together_the_newest_is_answered_and_the_rest_counted() -> None:
