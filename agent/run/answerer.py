@@ -55,8 +55,8 @@ class Answerer:
     """Decides when to send what.
 
     A decision on the newest message is sent at once. Where none comes in time, the message is answered by the
-    latest one there is, as far as that is safe. If the simulator says that it waits for the agent, or does not
-    keep real time, only decisions are sent.
+    latest one there is, as far as that is safe. If the simulator says that it waits for the agent, or does
+    not keep real time, only decisions are sent.
 
     Parameters
     ----------

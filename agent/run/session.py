@@ -339,7 +339,8 @@ class Session:
             f"registered as {self._header.robot_name!r} at {self._settings.host}:{self._settings.port}; "
             f"noise: motors {parameters.motors_noise:g} %, compass {parameters.compass_noise:g} degrees, "
             f"IR {parameters.obstacle_noise:g}; cycle {parameters.cycle_time} ms; {length}"
-            + "; in lockstep: the simulator waits for answers" * lockstep
+            + "; in lockstep: the simulator waits for answers"
+            * lockstep
         )
 
 
