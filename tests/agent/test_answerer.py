@@ -251,3 +251,28 @@ def test_a_robot_without_any_decision_drives_and_does_not_collide(lab_name: str,
     outcomes = [roam(lab_name, seed, 240, delay) for seed in range(1, 6)]
     assert [collisions for collisions, _ in outcomes] == [0] * 5
     assert min(driven for _, driven in outcomes) > 3.0
+
+
+@pytest.mark.parametrize(
+    ("seed", "late", "cycles"),
+    [
+        (1014, 0.03, 2.5),
+        (1019, 0.05, 6.0),
+        (1013, 0.2, 4.0),
+        (1021, 0.02, 12.0),
+        (1007, 0.1, 2.5),
+        (1024, 0.1, 2.5),
+        (2011, 0.0, 2.5),
+        (2007, 0.03, 2.5),
+        (2041, 0.1, 4.0),
+    ],
+)
+def test_the_end_of_a_thin_wall_between_two_cones_is_not_driven_into(
+    seed: int, late: float, cycles: float
+) -> None:
+    """The robot met it in each of these runs, whether its answers were late or not, before it remembered."""
+
+    def delay(chance: random.Random) -> float:
+        return chance.uniform(1.0, cycles) if chance.random() < late else 0.05
+
+    assert roam("maze", seed, 240, delay)[0] == 0
