@@ -186,6 +186,11 @@ class Session:
             taken = [(self._decode(arrival.data), arrival.time) for arrival in waiting]
             measures = [(message, arrived) for message, arrived in taken if isinstance(message, Measures)]
             news = exchange.news(measures)
+            if relayed is not None and not exchange.pace.is_real_time:
+                self._reporter.warn_once(
+                    f"Measures do not come every {self._header.parameters.cycle_time} ms: the simulator is "
+                    "taken to wait for answers, or to be faster than real time"
+                )
             for number, (message, arrived) in enumerate(news, start=1):
                 newest = number == len(news)
                 self._record_held(exchange.command_in_effect(arrived, message.time), writer)

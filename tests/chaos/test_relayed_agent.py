@@ -47,11 +47,15 @@ def descendants(pid: int) -> set[int]:
 class Run:
     """A simulator with a view on it, and an agent, each a program of its own."""
 
-    def __init__(self, folder: Path, cache: Path, place: str | None = None) -> None:
+    def __init__(self, folder: Path, cache: Path, place: str | None = None, *pace: str) -> None:
         self.log, self.output = folder / "run.jsonl", folder / "localization.out"
         self.folder, self.result = folder, folder.with_name("result.json")
         self.output.write_bytes(OLD)
         words = ["--lab", "maze", "--grid", "maze", "--seed", "4", "--autostart", "1", "--port", "0"]
+        if pace:
+            parameters = folder.with_name("parameters.xml")
+            parameters.write_text('<Parameters SimTime="60"/>')
+            words += ["--param", str(parameters), *pace]
         self.simulator = subprocess.Popen(
             [sys.executable, "-m", "simulator_stub", *words, "--result", str(self.result)],
             stdout=subprocess.PIPE,
@@ -132,8 +136,8 @@ def start(tmp_path: Path, cache: Path) -> Iterator[Callable[..., Run]]:
     folder = tmp_path / "files"
     folder.mkdir()
 
-    def make(place: str | None = None) -> Run:
-        made.append(Run(folder, cache, place))
+    def make(place: str | None = None, *pace: str) -> Run:
+        made.append(Run(folder, cache, place, *pace))
         return made[-1]
 
     yield make
@@ -227,3 +231,20 @@ def test_while_it_finishes(start: Callable[..., Run], number: int) -> None:
     assert {path.name for path in run.folder.iterdir()} == {"run.jsonl", "localization.out"}
     read_run(run.log)
     run.wait_for_rest()
+
+
+@pytest.mark.parametrize(
+    ("pace", "told"),
+    [
+        (("--lockstep",), "in lockstep: the simulator waits for answers"),
+        (("--speed", "40"), "Measures do not come every 50 ms"),
+    ],
+    ids=["lockstep", "faster"],
+)
+def test_what_is_assumed_of_the_pace_is_told(
+    start: Callable[..., Run], pace: tuple[str, ...], told: str
+) -> None:
+    run = start(None, *pace)
+    _, errors = run.agent.communicate(timeout=PATIENCE)
+    assert run.agent.returncode == 0
+    assert told in errors.decode()
