@@ -32,8 +32,8 @@ def line(name: str, cycle_time: int, runs: list[Live]) -> str:
         f"{name:24} {len(runs):3d} runs: {medians:6.1f} ms (median), {slow:6.1f} ms (99 %), {most:6.1f} ms "
         f"(most); {sum(live.late for live in runs)} of {sum(live.answered for live in runs)} later than "
         f"{cycle_time / 2:g} ms, in {sum(live.late > 0 for live in runs)} runs; "
-        f"{sum(live.unanswered for live in runs)} not answered, {sum(live.first for live in runs)} of them in the "
-        f"first ten cycles; load {os.getloadavg()[0]:.1f}"
+        f"{sum(live.unanswered for live in runs)} not answered, {sum(live.first for live in runs)} of them "
+        f"in the first ten cycles; load {os.getloadavg()[0]:.1f}"
     )
 
 
