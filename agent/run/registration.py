@@ -38,7 +38,8 @@ class Answer:
     following : tuple of Arrival
         Messages that came right behind it.
     sent, arrived : float
-        When the last attempt has left and when it has come, in seconds by the clock that stamps arrivals.
+        Times at which the last attempt left, and the acceptance came: seconds by the clock that stamps
+        arrivals.
     """
 
     acceptance: Acceptance

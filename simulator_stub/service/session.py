@@ -46,6 +46,7 @@ from simulator_stub.service.allowance import DROPPED
 from simulator_stub.service.attendance import Attendance
 from simulator_stub.service.audience import Admission, Audience
 from simulator_stub.service.clients import ANSWERS, RobotClient, ViewClient
+from simulator_stub.service.complaints import Complaints
 from simulator_stub.service.kidnapping import Kidnapper
 from simulator_stub.service.reception import Reception
 from simulator_stub.service.transports import NO_ROOM, Newcomer, Peer
@@ -58,9 +59,6 @@ NAME_LIMIT = 600
 
 TRIES = 1000
 """Cycles in which a registration is tried, where there is no descriptor for its channel."""
-
-COMPLAINT_LIMIT = 20
-"""Broken messages that people are told of, until the next Reset."""
 
 
 class Session:
@@ -122,12 +120,12 @@ class Session:
         self.dropped: Counter[str] = Counter()
         self._dropped_before: Counter[str] = Counter()
         self._clock = clock
-        self._complaints = 0
         self._autostart = autostart
         self._autostarted = False
         self._told_of_start = False
         self._closed = False
         self._notify = notify
+        self._complain = Complaints(notify)
         self.audience = Audience(admission or Admission(), self.dropped, notify)
         self._reception = Reception(self.dropped, self._complain)
         self._reply = encode(fit_reply(simulation.acceptance()))
@@ -135,7 +133,7 @@ class Session:
         self._grid = encode(simulation.world.grid)
 
     def announce_lockstep(self) -> None:
-        """Tell clients, in the answer to their registration, that their answers are waited for."""
+        """Announce to clients, in the answer to their registration, that their answers are waited for."""
         self._reply = encode(fit_reply(replace(self.simulation.acceptance(), lockstep=True)))
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
@@ -319,14 +317,6 @@ class Session:
         peer.close()
         self._complain(f"refused {who}, from {peer.label}")
 
-    def _complain(self, line: str) -> None:
-        """Report what a client did wrong, but not without end."""
-        self._complaints += 1
-        if self._complaints <= COMPLAINT_LIMIT:
-            self._notify(line)
-        if self._complaints == COMPLAINT_LIMIT:
-            self._notify("further broken or refused messages are not reported")
-
     def _read_commands(self) -> None:
         for view in tuple(self.audience.views):
             view.taken = view.answers = 0
@@ -394,7 +384,7 @@ class Session:
         ):
             peer.close()
         self.audience.forget_closed()
-        self._complaints = 0
+        self._complain.forget()
         self.robots = {}
         self._autostarted = self._told_of_start = False
         self.simulation.reset(seed)

@@ -21,7 +21,8 @@ from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
 from simulator_stub.service.audience import SOURCE_LIMIT, Admission
-from simulator_stub.service.session import COMPLAINT_LIMIT, Session
+from simulator_stub.service.complaints import LIMIT
+from simulator_stub.service.session import Session
 from simulator_stub.simulation import Simulation
 from simulator_stub.world.simulator_state import SimulatorState
 
@@ -309,7 +310,7 @@ def test_people_are_not_told_of_broken_messages_without_end(
     for _ in range(100):
         session.welcome(newcomer(), b"<Rat/>")
         session.cycle()
-    assert len(lines) == COMPLAINT_LIMIT + 1
+    assert len(lines) == LIMIT + 1
     session.reset()
     session.welcome(newcomer(), b"<Rat/>")
     session.cycle()
