@@ -27,7 +27,7 @@ _LONGEST_WAIT = 3600.0
 
 
 class Service:
-    """What the process does: it passes on, and answers once a simulator has accepted the robot.
+    """Passes messages on, and answers them once a simulator has accepted the robot.
 
     So the messages that follow the acceptance are answered from the first, whatever the agent does meanwhile.
 
@@ -101,7 +101,7 @@ class Service:
             self._answerer.take(stamped, now)
 
     def _begin_to_answer(self, arrivals: list[Arrival]) -> list[Arrival]:
-        """Look for the acceptance; return what came behind it."""
+        """Find the acceptance; return what came behind it."""
         begin = self._begin
         for number, arrival in enumerate(arrivals):
             try:

@@ -38,7 +38,7 @@ class Answer:
     following : tuple of Arrival
         Messages that came right behind it.
     sent, arrived : float
-        When the last attempt has left and when it has come, in seconds by the clock that stamps arrivals.
+        Moments of the last attempt and of the acceptance, in seconds by the clock that stamps arrivals.
     """
 
     acceptance: Acceptance

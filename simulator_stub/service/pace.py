@@ -32,7 +32,9 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 
+from ciberrato.protocol import encode, fit_reply
 from ciberrato.system.process import give_way
 from simulator_stub.service.answers import SHORTEST_PATIENCE, TALKATIVE
 from simulator_stub.service.client_process import Activity, watch_client
@@ -169,7 +171,7 @@ class Lockstep(Pace):
         self._certain = False
         self._known: dict[int, RobotClient] = {}
         session.before_measures = self._before_measures
-        session.announce_lockstep()
+        session.reply = encode(fit_reply(replace(session.simulation.acceptance(), lockstep=True)))
 
     def counts(self, robot_id: int) -> dict[str, int]:
         """Return what the result file says of a robot's answers (`Answers.counts`)."""

@@ -20,7 +20,6 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 from ciberrato.errors import ProtocolError
 from ciberrato.plaintext import plain
@@ -130,13 +129,9 @@ class Session:
         self._notify = notify
         self.audience = Audience(admission or Admission(), self.dropped, notify)
         self._reception = Reception(self.dropped, self._complain)
-        self._reply = encode(fit_reply(simulation.acceptance()))
+        self.reply = encode(fit_reply(simulation.acceptance()))
         self._lab = encode(simulation.lab_shown())
         self._grid = encode(simulation.world.grid)
-
-    def announce_lockstep(self) -> None:
-        """Tell clients, in the answer to their registration, that their answers are waited for."""
-        self._reply = encode(fit_reply(replace(self.simulation.acceptance(), lockstep=True)))
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
         """Process a message of a client that has not registered; a registration is answered in a cycle.
@@ -289,7 +284,7 @@ class Session:
                 return
             if isinstance(registration, ViewRegistration):
                 self.simulation.note_client()
-            peer.send(self._reply)
+            peer.send(self.reply)
             return
         robot_id = None
         if len(registration.name or "") <= NAME_LIMIT:
@@ -301,7 +296,7 @@ class Session:
             self._lab = encode(self.simulation.lab_shown())
         self.robots[robot_id] = RobotClient(robot_id, peer)
         self.robots = dict(sorted(self.robots.items()))
-        peer.send(self._reply)
+        peer.send(self.reply)
         name = registration.name and plain(registration.name, 40)
         self._notify(f"robot {robot_id}, {name!r}, registered from {peer.label}")
 
