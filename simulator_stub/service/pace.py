@@ -169,6 +169,7 @@ class Lockstep(Pace):
         self._certain = False
         self._known: dict[int, RobotClient] = {}
         session.before_measures = self._before_measures
+        session.announce_lockstep()
 
     def counts(self, robot_id: int) -> dict[str, int]:
         """Return what the result file says of a robot's answers (`Answers.counts`)."""

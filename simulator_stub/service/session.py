@@ -20,6 +20,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from ciberrato.errors import ProtocolError
 from ciberrato.plaintext import plain
@@ -132,6 +133,10 @@ class Session:
         self._reply = encode(fit_reply(simulation.acceptance()))
         self._lab = encode(simulation.lab_shown())
         self._grid = encode(simulation.world.grid)
+
+    def announce_lockstep(self) -> None:
+        """Tell clients, in the answer to their registration, that their answers are waited for."""
+        self._reply = encode(fit_reply(replace(self.simulation.acceptance(), lockstep=True)))
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
         """Process a message of a client that has not registered; a registration is answered in a cycle.

@@ -90,6 +90,10 @@ LAZY = {"scipy", "matplotlib", "numba", "lxml"}
 # Compiled loops: these modules are themselves imported only where the extra `fast` is asked for.
 ITSELF_LAZY = {
     "ciberrato/bayes/loops.py",
+    "ciberrato/bayes/motion_loops.py",
+    "ciberrato/bayes/ray_loops.py",
+    "ciberrato/bayes/scan_loops.py",
+    "ciberrato/bayes/vectors.py",
     "ciberrato/infrared/cone_compiled.py",
     "ciberrato/localization/belief/kernels.py",
     "simulator_stub/batch/loops.py",
