@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ciberrato.arrays import Booleans, Floats, Integers
-from ciberrato.geometry.tiles import Tiles, box_corners, box_distances, point_box_distances
+from ciberrato.geometry.tiles import box_corners, box_distances, point_box_distances
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, SENSOR_OFFSET
 from ciberrato.reprs import short_repr
@@ -37,6 +37,26 @@ _ELEMENTS = 2**17
 _ALONG = SENSOR_OFFSET * np.array([1.0, math.cos(HALF_APERTURE), math.cos(HALF_APERTURE)])
 _ASIDE = np.array([0.0, -SIDE, SIDE])
 """Place of the sensor whose axis, left ray or right ray has a direction: ahead, and aside."""
+
+
+def along(units: Floats, points: Floats) -> Floats:
+    """Return the coordinates of points along unit vectors: products of pairs, summed up.
+
+    Written out, as a matrix product's last bit depends on how many points are computed at once.
+
+    Parameters
+    ----------
+    units : array, shape (n, 2)
+    points : array, shape (2,) or (m, 2)
+
+    Returns
+    -------
+    array, shape (n,) or (n, m)
+    """
+    x, y = points.T
+    first, second = np.multiply.outer(units[:, 0], x), np.multiply.outer(units[:, 1], y)
+    return np.asarray(np.add(first, second, out=first))
+
 
 FaceColumns = tuple[Floats, Floats, Floats, Floats]
 CornerColumns = tuple[Floats, Floats, Floats]
@@ -79,7 +99,7 @@ class Directions:
 
     def offsets(self, faces: Integers, places: Floats) -> Floats:
         """Return by how much the line of each face is to the left of each place, seen along it."""
-        return np.asarray(self._offset[faces, np.newaxis] - self.normal[faces] @ places.T)
+        return np.asarray(self._offset[faces, np.newaxis] - along(self.normal[faces], places))
 
     def face(self, face: int) -> FaceColumns:
         """Return what a ray's distance to a face depends on, for all directions.
@@ -116,11 +136,11 @@ class Directions:
 
     def _turn_face(self, face: int) -> FaceColumns:
         walls = self.walls
-        start, end = self.aside @ walls.start[face], self.aside @ walls.end[face]
+        start, end = along(self.aside, walls.start[face]), along(self.aside, walls.end[face])
         edge_on = np.abs(end - start) <= TOUCH * walls.length[face]
-        slope = self.ahead @ self.normal[face]
+        slope = along(self.ahead, self.normal[face])
         rate = np.where(edge_on, 0.0, 1.0 / np.where(edge_on, 1.0, slope))
-        lead = _ALONG[:, np.newaxis] + _ASIDE[:, np.newaxis] * ((self.aside @ self.normal[face]) * rate)
+        lead = _ALONG[:, np.newaxis] + _ASIDE[:, np.newaxis] * (along(self.aside, self.normal[face]) * rate)
         low = np.where(edge_on, np.inf, np.minimum(start, end) - TOUCH) - _ASIDE[:, np.newaxis]
         high = np.maximum(start, end) + TOUCH - _ASIDE[:, np.newaxis]
         return rate[:, np.newaxis], lead[..., np.newaxis], low[..., np.newaxis], high[..., np.newaxis]
@@ -145,9 +165,9 @@ class Directions:
             if len(self._corners) >= KEPT:
                 self._corners.clear()
             shift, touch = self.count // 12, TOUCH * math.cos(HALF_APERTURE)
-            aside = self.aside @ self.corners[corner]
+            aside = along(self.aside, self.corners[corner])
             known = self._corners[corner] = (
-                (self.ahead @ self.corners[corner])[:, np.newaxis],
+                along(self.ahead, self.corners[corner])[:, np.newaxis],
                 (np.roll(aside, -shift) + SIDE - touch)[:, np.newaxis],
                 (np.roll(aside, shift) - SIDE + touch)[:, np.newaxis],
             )
@@ -212,32 +232,33 @@ class TilePlan:
 
 
 class SweepPlan:
-    """Plans of all tiles, made for some of them at a time.
+    """Plans of tiles.
 
     Parameters
     ----------
     directions : Directions
-    tiles : Tiles
     """
 
-    def __init__(self, directions: Directions, tiles: Tiles) -> None:
-        self._directions, self._tiles = directions, tiles
+    def __init__(self, directions: Directions) -> None:
+        self._directions = directions
         self._loops = _loops(directions.walls)
         self._outward = _outward(directions, self._loops)
-        self._step = max(_ELEMENTS // max(len(directions.walls.length), 1), 1)
-        self._first = -self._step
-        self._plans: list[TilePlan] = []
+        self.at_once = max(_ELEMENTS // max(len(directions.walls.length), 1), 1)
+        """Number of tiles that are planned together without much memory."""
 
-    def tile(self, number: int) -> TilePlan:
-        """Return the plan of a tile."""
-        if not self._first <= number < self._first + self._step:
-            self._first = number
-            self._plans = self._make(slice(number, number + self._step))
-        return self._plans[number - self._first]
+    def tiles(self, low: Floats, high: Floats) -> list[TilePlan]:
+        """Return the plans of tiles.
 
-    def _make(self, chosen: slice) -> list[TilePlan]:
+        Parameters
+        ----------
+        low, high : array, shape (tiles, 2)
+            Corners of the least boxes around their places.
+
+        Returns
+        -------
+        list of TilePlan
+        """
         directions, walls = self._directions, self._directions.walls
-        low, high = self._tiles.low[chosen], self._tiles.high[chosen]
         distance = box_distances(low, high, walls)
         begin, end = _bearings(low, high, np.stack([walls.start, walls.end], axis=1))
         # The centre is up to SIDE beside the line of a ray.
