@@ -23,7 +23,6 @@ from ciberrato.geometry.tiles import Tiles
 from ciberrato.geometry.walls import WallMap, face_distances
 from ciberrato.infrared.model import SENSOR_OFFSET
 from ciberrato.infrared.sweep_plan import (
-    KEPT,
     TOUCH,
     CornerColumns,
     Directions,
@@ -44,8 +43,7 @@ Convert = Callable[[Floats], NDArray[Any]]
 class Loops(Protocol):
     """Machine code for the loops of this module: `ciberrato.localization.belief.kernels`."""
 
-    paint_faces: Callable[..., None]
-    paint_corners: Callable[..., None]
+    sweep_tile: Callable[..., Floats]
 
 
 def tabulate_distances(
@@ -110,20 +108,21 @@ class Sweep:
         self._convert = convert
         self._directions = Directions(walls, first, count)
         self._plan = SweepPlan(self._directions)
-        # With too many faces to have all of them turned into all directions numpy turns those that are met.
-        self._painter: _Painter = (
-            _NumpyPainter(self._directions)
-            if loops is None or len(walls.length) > KEPT
-            else _CompiledPainter(self._directions, loops)
-        )
+        self._painter, self._loops = _NumpyPainter(self._directions), loops
+        self._compiled = self._plan.arrays() if loops is not None else ()
 
     def tile(self, places: Floats) -> NDArray[Any]:
         """Compute the distances at the places of one tile; shape (count, places)."""
+        if self._loops is not None:
+            return self._converted(self._loops.sweep_tile(np.ascontiguousarray(places), *self._compiled))
         low, high = places.min(axis=0)[np.newaxis], places.max(axis=0)[np.newaxis]
         return self._sweep(self._plan.tiles(low, high)[0], places)
 
     def tiles(self, places: Floats, tiles: Tiles) -> Iterator[NDArray[Any]]:
         """Yield the distances at the places of each tile."""
+        if self._loops is not None:
+            yield from (self.tile(places[members]) for members in tiles.members)
+            return
         step = self._plan.at_once
         for first in range(0, len(tiles.members), step):
             some = slice(first, first + step)
@@ -132,7 +131,9 @@ class Sweep:
                 yield self._sweep(plan, places[members])
 
     def _sweep(self, plan: TilePlan, places: Floats) -> NDArray[Any]:
-        distances = _sweep_tile(self._directions, plan, places, self._painter)
+        return self._converted(_sweep_tile(self._directions, plan, places, self._painter))
+
+    def _converted(self, distances: Floats) -> NDArray[Any]:
         return distances if self._convert is None else self._convert(distances)
 
 
@@ -145,30 +146,6 @@ def _tile_size(places: Floats) -> float:
             break
         size /= 2.0
     return size
-
-
-class _Painter(Protocol):
-    def faces(self, rays: Floats, across: Floats, offsets: Floats, runs: Integers) -> None: ...
-
-    def corners(
-        self, squared: Floats, turned: tuple[Floats, Floats, Floats], squares: Floats, runs: Integers
-    ) -> None: ...
-
-
-class _CompiledPainter:
-    """Paints in machine code."""
-
-    def __init__(self, directions: Directions, loops: Loops) -> None:
-        self._loops = loops
-        self._faces, self._corners = directions.all_faces(), directions.all_corners()
-
-    def faces(self, rays: Floats, across: Floats, offsets: Floats, runs: Integers) -> None:
-        self._loops.paint_faces(rays, across, offsets, runs, *self._faces, TOUCH)
-
-    def corners(
-        self, squared: Floats, turned: tuple[Floats, Floats, Floats], squares: Floats, runs: Integers
-    ) -> None:
-        self._loops.paint_corners(squared, *turned, squares, runs, *self._corners)
 
 
 class _NumpyPainter:
@@ -277,7 +254,7 @@ class _NumpyPainter:
         np.minimum(squared[begin:end], distance, out=squared[begin:end])
 
 
-def _sweep_tile(directions: Directions, plan: TilePlan, places: Floats, painter: _Painter) -> Floats:
+def _sweep_tile(directions: Directions, plan: TilePlan, places: Floats, painter: _NumpyPainter) -> Floats:
     ahead, across = along(directions.ahead, places), along(directions.aside, places)
     rays = _paint_faces(directions, plan, places, across, painter)
     shift = directions.count // 12
@@ -292,7 +269,7 @@ def _sweep_tile(directions: Directions, plan: TilePlan, places: Floats, painter:
 
 
 def _paint_faces(
-    directions: Directions, plan: TilePlan, places: Floats, across: Floats, painter: _Painter
+    directions: Directions, plan: TilePlan, places: Floats, across: Floats, painter: _NumpyPainter
 ) -> Floats:
     """Compute the distances of the first faces along rays; shape (3, directions of the ray, places)."""
     rays = np.full((3, directions.count, len(places)), np.inf)
@@ -321,7 +298,7 @@ def _paint_corners(
     places: Floats,
     turned: tuple[Floats, Floats],
     squared: Floats,
-    painter: _Painter,
+    painter: _NumpyPainter,
 ) -> None:
     """Apply the corners in the cone to squared distances."""
     ahead, across = turned

@@ -89,6 +89,7 @@ LAZY = {"scipy", "matplotlib", "numba", "lxml"}
 ITSELF_LAZY = {
     "ciberrato/bayes/loops.py",
     "ciberrato/infrared/cone_compiled.py",
+    "ciberrato/infrared/sweep_compiled.py",
     "ciberrato/localization/belief/kernels.py",
     "simulator_stub/batch/loops.py",
 }

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ciberrato.arrays import Floats
 from ciberrato.geometry.tiles import near_faces, wall_distances
 from ciberrato.geometry.walls import WallMap
+from ciberrato.localization.belief import compiled
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.reprs import short_repr
 from ciberrato.world.lab import CELL_SIZE, Lab
@@ -219,7 +220,7 @@ class Nodes:
         inside = (x > 0.0) & (x < lab.width) & (y > 0.0) & (y < lab.height)
         clearance = np.zeros(x.size)
         place = np.stack([x, y], axis=-1)
-        clearance[inside] = wall_distances(walls, place[inside])
+        clearance[inside] = distances_to_walls(walls, place[inside])
         tight = np.flatnonzero(inside & (clearance < ROBOT_RADIUS - _TOLERANCE))
         near = tight[clearance[tight] > ROBOT_RADIUS - 1.5 * resolution]
         place[near], reached = _push_out(walls, place[near], resolution)
@@ -261,19 +262,33 @@ def _push_out(walls: WallMap, place: Floats, resolution: float) -> tuple[Floats,
     start, moved = place, place.copy()
     distance = np.zeros(len(place))
     for _ in range(6):
-        foot, distance = _nearest(walls, moved)
+        foot, distance = nearest_walls(walls, moved)
         away = moved - foot
         length = np.hypot(away[:, 0], away[:, 1])
         # A little beyond touching: readings of a robot that touches a wall are those of no other pose.
         short = np.maximum(ROBOT_RADIUS + resolution / 4.0 - length, 0.0) / np.maximum(length, 1e-9)
         moved = moved + away * short[:, np.newaxis]
-    _, distance = _nearest(walls, moved)
+    _, distance = nearest_walls(walls, moved)
     near = np.abs(moved - start).max(axis=1, initial=0.0) <= _REACH * resolution * (1.0 + 1e-6)
     return moved, near & (distance >= ROBOT_RADIUS - _TOLERANCE)
 
 
-def _nearest(walls: WallMap, place: Floats) -> tuple[Floats, Floats]:
+def distances_to_walls(walls: WallMap, places: Floats, tile: float = 2.0) -> Floats:
+    """Compute the distances of many points to the nearest face; in machine code, if that is loaded."""
+    kernels = compiled.kernels()
+    if kernels is None:
+        return wall_distances(walls, places, tile)
+    faces = walls.start, walls.end, walls.direction, walls.length
+    return np.asarray(kernels.wall_distances(np.ascontiguousarray(places), *faces, walls.width))
+
+
+def nearest_walls(walls: WallMap, place: Floats) -> tuple[Floats, Floats]:
     """Compute the nearest wall point to each place, and its distance."""
+    kernels = compiled.kernels()
+    if kernels is not None:
+        ends = walls.start, walls.end, walls.direction, walls.length
+        found: tuple[Floats, Floats] = kernels.nearest_feet(np.ascontiguousarray(place), *ends)
+        return found
     foot, distance = np.empty_like(place), np.empty(len(place))
     for members, faces in near_faces(walls, place):
         (start_x, start_y), (ux, uy) = walls.start[faces].T, walls.direction[faces].T

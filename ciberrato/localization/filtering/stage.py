@@ -26,7 +26,7 @@ from ciberrato.world.parameters import Parameters
 FEW = 4000
 """States of the coarse belief that the fine lattice takes over."""
 _LEAST = 1e-12
-TILES_A_MESSAGE = 3
+TILES_A_MESSAGE = 2
 """Most tiles of tables computed for a message."""
 _AHEAD, _COMPUTED = 0.6, 1.6
 """Units around a belief, beyond what it needs: reach of a new part of the lab; where tiles are computed."""
