@@ -35,7 +35,7 @@ _EDGE = 20
 _BLOCK = 5
 """Nodes along the edge of the blocks in which states are looked for; a part of `_EDGE`."""
 _MOST = 128
-"""Tiles of a part: 512 square units, for which tables, moves and room take at most 110 MB."""
+"""Tiles of a part: 512 square units, for which tables, moves and room take at most 60 MB."""
 _KEPT = 512
 """Tiles kept, in the order of their last use; of at most 80 kB each for one table."""
 
