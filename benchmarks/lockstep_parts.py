@@ -111,7 +111,7 @@ def rows() -> Iterator[Row]:
         for _ in range(SERIES):
             bare = min(bare, echo(robots)[1])
             whole = min(whole, run_cycles("udp", robots)[1])
-        places = [GridPosition(x=3.0 + 4 * number, y=3.0, direction=0.0) for number in range(robots)]
+        places = [GridPosition(x=3.0 + 4 * number, y=3.0, direction_deg=0.0) for number in range(robots)]
         parts = _parts(lab, StartGrid(positions=tuple(places)), robots)
         single = single or parts["simulation"]
         yield Row(group=group, who="bare exchange", seconds=bare, note="the same datagrams, nothing done")
@@ -188,7 +188,7 @@ def growth() -> Iterator[str]:
         lab = pillars(walls)
         row = max(1, round(lab.width / 3.0) - 1)
         places = [(1.5 + 3.0 * (number % row), 1.5 + 3.0 * (number // row)) for number in range(robots)]
-        grid = StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=0.0) for x, y in places))
+        grid = StartGrid(positions=tuple(GridPosition(x=x, y=y, direction_deg=0.0) for x, y in places))
         loop = Loop(lab, grid, robots)
         calls = 20 if walls < 10_000 else 2  # new places take so long there
         times = np.array([processor_seconds(loop.cycle, calls) for _ in range(40)]) * 1e6

@@ -222,7 +222,9 @@ def _explain_poses(text: str) -> None:
 
 def _parse_inline(text: str) -> StartGrid:
     poses = [[float(number) for number in pose.split(",")] for pose in text.rstrip("; ").split(";")]
-    return StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=degrees) for x, y, degrees in poses))
+    return StartGrid(
+        positions=tuple(GridPosition(x=x, y=y, direction_deg=degrees) for x, y, degrees in poses)
+    )
 
 
 def _kidnapper(options: argparse.Namespace) -> Kidnapper | None:
