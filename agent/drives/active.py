@@ -112,7 +112,7 @@ class ActiveDrive:
         found = _hypotheses(pose_filter)
         if len(found) > 1:
             self._doubt = _entropy(found)
-            chosen = plan(pose_filter.tables, found, self._noise, closed(FIRST_TURNS))
+            chosen = plan(pose_filter.tables.everywhere, found, self._noise, closed(FIRST_TURNS))
             if chosen is not None and chosen.gain > _LEAST_GAIN:
                 return chosen.turn, chosen.length
         return self._explorer.choose(pose_filter, sample, closed)

@@ -74,7 +74,7 @@ class ExploreDrive:
 
     def choose(self, pose_filter: GridFilter, sample: PoseSample, closed: Closed) -> tuple[float, float]:
         """Choose the leg into the open; see `agent.drives.roam.ChooseLeg`."""
-        distances = free_distances(pose_filter.tables.lattice, sample, _TURNS, LONGEST_LEG)
+        distances = free_distances(pose_filter.tables.everywhere.lattice, sample, _TURNS, LONGEST_LEG)
         mean = distances.mean(axis=1)
         reachable = np.quantile(distances, 0.1, axis=1)
         score = 0.5 * mean + np.minimum(reachable, 2.0) - 0.6 * np.abs(_TURNS)

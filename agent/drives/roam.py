@@ -248,7 +248,7 @@ class Roamer:
         speed = self._bumper.speed
         if self._to_drive <= 0.05 or speed <= 0.0:
             return None
-        lattice = pose_filter.tables.lattice
+        lattice = pose_filter.tables.everywhere.lattice
         least, mean = arc_clearances(lattice, draw(pose_filter.belief, 64), _CURVATURES, _LOOK_AHEAD)
         risk = (least < SAFE_CLEARANCE).mean(axis=1)
         score = mean.mean(axis=1) - 4.0 * risk - 0.04 * np.abs(_CURVATURES)

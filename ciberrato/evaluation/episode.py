@@ -24,7 +24,8 @@ from ciberrato.labs import find_lab, find_parameters
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.tables.cache import cached_tables
-from ciberrato.localization.tables.pose_tables import COARSE, PoseTables
+from ciberrato.localization.tables.pose_tables import COARSE, PoseTables, fine_resolution
+from ciberrato.localization.tables.tiled import TiledTables
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol import Actions, Measures, RobotRegistration
 from ciberrato.world.lab import Lab
@@ -63,8 +64,8 @@ def tables_of(name: str, angles: tuple[float, ...], resolution: float) -> PoseTa
 
 def tables_needed(task: Task) -> list[tuple[str, tuple[float, ...], float]]:
     """Return which tables a task needs: lab, mounting angles and resolution of each."""
-    needed: list[tuple[str, tuple[float, ...], float]] = [(task.lab, _angles(task), task.resolution)]
-    if task.staged and task.resolution < COARSE:
+    needed: list[tuple[str, tuple[float, ...], float]] = [(task.lab, _angles(task), _resolution(task))]
+    if task.staged and _resolution(task) < COARSE:
         needed.append((task.lab, _angles(task), COARSE))
     return needed
 
@@ -87,7 +88,7 @@ def run_task(task: Task) -> Outcome:
         The same for the same task, but for the times that it took.
     """
     lab, angles = lab_of(task.lab), _angles(task)
-    tables = tables_of(task.lab, angles, task.resolution)
+    tables = tables_of(task.lab, angles, _resolution(task))
     parameters = _parameters(task)
     generator = np.random.default_rng([task.seed, 0x5EED])
     start = start_pose(task, tables.lattice, generator)
@@ -148,7 +149,14 @@ def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameter
     if not task.staged or task.resolution >= COARSE:
         return GridFilter(lab, tables, parameters, start=task.prior)
     coarse = tables_of(task.lab, _angles(task), COARSE)
-    return staged_filter(lab, coarse, tables, parameters, start=task.prior)
+    is_whole = tables.lattice.resolution <= task.resolution
+    fine = tables if is_whole else TiledTables(lab, coarse, task.resolution)
+    return staged_filter(lab, coarse, fine, parameters, start=task.prior)
+
+
+def _resolution(task: Task) -> float:
+    """Return the resolution of the tables of all of the lab; in a large one parts have finer ones."""
+    return max(task.resolution, fine_resolution(lab_of(task.lab))) if task.staged else task.resolution
 
 
 def _over(task: Task, record: Record, finished: str | None) -> bool:

@@ -117,7 +117,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--resolution",
         type=float,
         metavar="UNITS",
-        help="resolution of the filter; default: 0.1, coarser in large labs",
+        help="resolution of the filter; default: 0.1",
     )
     add(
         "--kidnap",

@@ -23,6 +23,8 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
     UsageError
         If it names no lab, or one that is not there, or a part that cannot be loaded.
     """
+    from ciberrato.localization.tables.pose_tables import FINE
+
     labs: list[tuple[str, str | None]] = []
     for name in named_labs(options):
         labs.extend(find_labs(name, options.labs))
@@ -55,7 +57,7 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
                 seed=options.first_seed + seed,
                 drive=drive,
                 cycles=options.cycles,
-                resolution=resolution_of(lab) if options.resolution is None else options.resolution,
+                resolution=FINE if options.resolution is None else options.resolution,
                 kidnap=options.kidnap,
                 settle=options.settle,
                 settings=settings,
@@ -120,7 +122,7 @@ def find_labs(name: str, folder: Path | None) -> list[tuple[str, str | None]]:
 
 @functools.cache
 def resolution_of(lab: str) -> float:
-    """Return the resolution at which the filter can follow a robot in a lab."""
+    """Return the finest resolution of tables of all of a lab."""
     from ciberrato.files.lab import read_lab
     from ciberrato.labs import find_lab
     from ciberrato.localization.tables.pose_tables import fine_resolution

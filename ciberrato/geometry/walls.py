@@ -229,15 +229,25 @@ class WallMap:
         """
         px, py = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         inside = np.zeros(px.shape, np.bool_)
-        if px.size < _FEW:
-            for polygon in self.polygons:
-                inside |= _point_in_polygon(polygon, px, py)
+        if not px.size or not self.polygons:
             return inside
-        for polygon in self.polygons:
-            low, high = polygon.min(axis=0) - _GRAZE, polygon.max(axis=0) + _GRAZE
-            near = (px >= low[0]) & (px <= high[0]) & (py >= low[1]) & (py <= high[1])
+        low, high = self._boxes
+        met = (low <= (px.max(), py.max())).all(axis=1) & (high >= (px.min(), py.min())).all(axis=1)
+        for number in np.flatnonzero(met).tolist():
+            polygon = self.polygons[number]
+            if px.size < _FEW:
+                inside |= _point_in_polygon(polygon, px, py)
+                continue
+            (left, below), (right, above) = low[number], high[number]
+            near = (px >= left) & (px <= right) & (py >= below) & (py <= above)
             inside[near] |= _point_in_polygon(polygon, px[near], py[near])
         return inside
+
+    @cached_property
+    def _boxes(self) -> tuple[Floats, Floats]:
+        """Least and greatest place in each polygon, beyond rounding; shape (polygons, 2) each."""
+        low = np.array([polygon.min(axis=0) for polygon in self.polygons]) - _GRAZE
+        return low, np.array([polygon.max(axis=0) for polygon in self.polygons]) + _GRAZE
 
 
 def face_distances(

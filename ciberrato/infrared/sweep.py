@@ -12,7 +12,7 @@ lines, and are painted together.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,13 +23,13 @@ from ciberrato.geometry.tiles import Tiles
 from ciberrato.geometry.walls import WallMap, face_distances
 from ciberrato.infrared.model import SENSOR_OFFSET
 from ciberrato.infrared.sweep_plan import (
-    KEPT,
     TOUCH,
     CornerColumns,
     Directions,
     FaceColumns,
     SweepPlan,
     TilePlan,
+    along,
 )
 
 _BATCH = 12
@@ -43,8 +43,7 @@ Convert = Callable[[Floats], NDArray[Any]]
 class Loops(Protocol):
     """Machine code for the loops of this module: `ciberrato.localization.belief.kernels`."""
 
-    paint_faces: Callable[..., None]
-    paint_corners: Callable[..., None]
+    sweep_tile: Callable[..., Floats]
 
 
 def tabulate_distances(
@@ -80,21 +79,62 @@ def tabulate_distances(
     array, shape (count, places)
         Units; infinite where no wall is seen. Of the type that `convert` returns.
     """
-    dtype = np.float64 if convert is None else convert(np.ones(1)).dtype
-    table = np.empty((count, len(places)), dtype)
-    directions = Directions(walls, first, count)
-    if loops is not None and len(walls.length) > KEPT:
-        loops = None  # too many faces to have all of them turned into all directions
+    sweep = Sweep(walls, first, count, convert=convert, loops=loops)
+    table = np.empty((count, len(places)), sweep.dtype)
     tiles = Tiles(places, _tile_size(places))
-    plan = SweepPlan(directions, tiles)
-    most = max((len(members) for members in tiles.members), default=0)
-    painter = _NumpyPainter(directions, most) if loops is None else _CompiledPainter(directions, loops)
-    for number, members in enumerate(tiles.members):
+    for number, (members, part) in enumerate(zip(tiles.members, sweep.tiles(places, tiles), strict=True)):
         if progress is not None and number % 8 == 0:
             progress(number / len(tiles.members))
-        distances = _sweep_tile(directions, plan.tile(number), places[members], painter)
-        table[:, members] = distances if convert is None else convert(distances)
+        table[:, members] = part
     return table
+
+
+class Sweep:
+    """Distances in a lab for tiles of places, one tile after the other; arguments as `tabulate_distances`.
+
+    What it computes for a place does not depend on the tile with which that is computed.
+    """
+
+    def __init__(
+        self,
+        walls: WallMap,
+        first: float,
+        count: int,
+        *,
+        convert: Convert | None = None,
+        loops: Loops | None = None,
+    ) -> None:
+        self.dtype = np.dtype(np.float64) if convert is None else convert(np.ones(1)).dtype
+        self._convert = convert
+        self._directions = Directions(walls, first, count)
+        self._plan = SweepPlan(self._directions)
+        self._painter, self._loops = _NumpyPainter(self._directions), loops
+        self._compiled = self._plan.arrays() if loops is not None else ()
+
+    def tile(self, places: Floats) -> NDArray[Any]:
+        """Compute the distances at the places of one tile; shape (count, places)."""
+        if self._loops is not None:
+            return self._converted(self._loops.sweep_tile(np.ascontiguousarray(places), *self._compiled))
+        low, high = places.min(axis=0)[np.newaxis], places.max(axis=0)[np.newaxis]
+        return self._sweep(self._plan.tiles(low, high)[0], places)
+
+    def tiles(self, places: Floats, tiles: Tiles) -> Iterator[NDArray[Any]]:
+        """Yield the distances at the places of each tile."""
+        if self._loops is not None:
+            yield from (self.tile(places[members]) for members in tiles.members)
+            return
+        step = self._plan.at_once
+        for first in range(0, len(tiles.members), step):
+            some = slice(first, first + step)
+            plans = self._plan.tiles(tiles.low[some], tiles.high[some])
+            for plan, members in zip(plans, tiles.members[some], strict=True):
+                yield self._sweep(plan, places[members])
+
+    def _sweep(self, plan: TilePlan, places: Floats) -> NDArray[Any]:
+        return self._converted(_sweep_tile(self._directions, plan, places, self._painter))
+
+    def _converted(self, distances: Floats) -> NDArray[Any]:
+        return distances if self._convert is None else self._convert(distances)
 
 
 def _tile_size(places: Floats) -> float:
@@ -108,43 +148,20 @@ def _tile_size(places: Floats) -> float:
     return size
 
 
-class _Painter(Protocol):
-    def faces(self, rays: Floats, across: Floats, offsets: Floats, runs: Integers) -> None: ...
-
-    def corners(
-        self, squared: Floats, turned: tuple[Floats, Floats, Floats], squares: Floats, runs: Integers
-    ) -> None: ...
-
-
-class _CompiledPainter:
-    """Paints in machine code."""
-
-    def __init__(self, directions: Directions, loops: Loops) -> None:
-        self._loops = loops
-        self._faces, self._corners = directions.all_faces(), directions.all_corners()
-
-    def faces(self, rays: Floats, across: Floats, offsets: Floats, runs: Integers) -> None:
-        self._loops.paint_faces(rays, across, offsets, runs, *self._faces, TOUCH)
-
-    def corners(
-        self, squared: Floats, turned: tuple[Floats, Floats, Floats], squares: Floats, runs: Integers
-    ) -> None:
-        self._loops.paint_corners(squared, *turned, squares, runs, *self._corners)
-
-
 class _NumpyPainter:
     """Paints with numpy, in arrays of its own: fresh ones would have to be got from the system.
 
     Parameters
     ----------
     directions : Directions
-    most : int
-        Places of the fullest tile.
     """
 
-    def __init__(self, directions: Directions, most: int) -> None:
+    def __init__(self, directions: Directions) -> None:
         self._directions = directions
-        size = directions.count * most
+        self._make_room(0)
+
+    def _make_room(self, places: int) -> None:
+        size = self._directions.count * places
         self._base, self._rays = np.empty(size), np.empty(3 * size)
         self._masks = np.empty((2, 3 * size), np.bool_)
 
@@ -160,6 +177,8 @@ class _NumpyPainter:
             Face, first direction, number of directions, whether its line may be met behind the sensor.
         """
         count = self._directions.count
+        if across.size > self._base.size:
+            self._make_room(across.shape[1])
         for offset, (face, first, number, near) in zip(offsets, runs.tolist(), strict=True):
             columns = self._directions.face(face)
             for begin, end in _runs(first, number, count):
@@ -179,6 +198,8 @@ class _NumpyPainter:
         runs : array of int, shape (corners, 3)
             Corner, first direction, number of directions.
         """
+        if squared.size > self._base.size:
+            self._make_room(squared.shape[1])
         for square, (corner, first, number) in zip(squares, runs.tolist(), strict=True):
             columns = self._directions.corner(corner)
             for begin, end in _runs(first, number, self._directions.count):
@@ -233,8 +254,8 @@ class _NumpyPainter:
         np.minimum(squared[begin:end], distance, out=squared[begin:end])
 
 
-def _sweep_tile(directions: Directions, plan: TilePlan, places: Floats, painter: _Painter) -> Floats:
-    along, across = directions.ahead @ places.T, directions.aside @ places.T
+def _sweep_tile(directions: Directions, plan: TilePlan, places: Floats, painter: _NumpyPainter) -> Floats:
+    ahead, across = along(directions.ahead, places), along(directions.aside, places)
     rays = _paint_faces(directions, plan, places, across, painter)
     shift = directions.count // 12
     squared = np.minimum(np.roll(rays[1], -shift, axis=0), np.roll(rays[2], shift, axis=0))
@@ -242,13 +263,13 @@ def _sweep_tile(directions: Directions, plan: TilePlan, places: Floats, painter:
     np.maximum(squared, 0.0, out=squared)
     corners = plan.corners_within(squared.max(axis=1))
     squared *= squared
-    _paint_corners(directions, plan, corners, places, (along, across), squared, painter)
+    _paint_corners(directions, plan, corners, places, (ahead, across), squared, painter)
     np.maximum(squared, 0.0, out=squared)
     return np.asarray(np.sqrt(squared, out=squared))
 
 
 def _paint_faces(
-    directions: Directions, plan: TilePlan, places: Floats, across: Floats, painter: _Painter
+    directions: Directions, plan: TilePlan, places: Floats, across: Floats, painter: _NumpyPainter
 ) -> Floats:
     """Compute the distances of the first faces along rays; shape (3, directions of the ray, places)."""
     rays = np.full((3, directions.count, len(places)), np.inf)
@@ -277,12 +298,12 @@ def _paint_corners(
     places: Floats,
     turned: tuple[Floats, Floats],
     squared: Floats,
-    painter: _Painter,
+    painter: _NumpyPainter,
 ) -> None:
     """Apply the corners in the cone to squared distances."""
-    along, across = turned
+    ahead, across = turned
     shift = len(squared) // 12
-    sides = (along, np.roll(across, -shift, axis=0), np.roll(across, shift, axis=0))
+    sides = (ahead, np.roll(across, -shift, axis=0), np.roll(across, shift, axis=0))
     away = directions.corners[corners, np.newaxis, :] - places
     squares = (away * away).sum(axis=-1) + SENSOR_OFFSET**2
     painter.corners(squared, sides, squares, plan.corner_runs(corners))

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ciberrato.arrays import Booleans, Floats, Integers
-from ciberrato.geometry.tiles import Tiles, box_corners, box_distances, point_box_distances
+from ciberrato.geometry.tiles import box_corners, box_distances, point_box_distances
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import HALF_APERTURE, SENSOR_OFFSET
 from ciberrato.reprs import short_repr
@@ -23,20 +25,40 @@ TOUCH = 1e-9
 SIDE = SENSOR_OFFSET * math.sin(HALF_APERTURE)
 """Units between the line of an edge ray and the robot's centre."""
 
-_NEAR = SENSOR_OFFSET + 1e-4
+NEAR = SENSOR_OFFSET + 1e-4
 """Units; within them a sensor may touch a face."""
-_INSIDE = 1e-3
+INSIDE = 1e-3
 """Units; a box nearer to a face is taken to meet it."""
-_SLACK = 1e-6
+SLACK = 1e-6
 """Steps added to both ends of a run of directions."""
-KEPT = 4096
+_KEPT = 4096
 """Faces of which the turned ends are kept."""
 _ELEMENTS = 2**17
 """Tiles times faces planned at once."""
 
-_ALONG = SENSOR_OFFSET * np.array([1.0, math.cos(HALF_APERTURE), math.cos(HALF_APERTURE)])
-_ASIDE = np.array([0.0, -SIDE, SIDE])
+ALONG = SENSOR_OFFSET * np.array([1.0, math.cos(HALF_APERTURE), math.cos(HALF_APERTURE)])
+ASIDE = np.array([0.0, -SIDE, SIDE])
 """Place of the sensor whose axis, left ray or right ray has a direction: ahead, and aside."""
+
+
+def along(units: Floats, points: Floats) -> Floats:
+    """Return the coordinates of points along unit vectors: products of pairs, summed up.
+
+    Written out, as a matrix product's last bit depends on how many points are computed at once.
+
+    Parameters
+    ----------
+    units : array, shape (n, 2)
+    points : array, shape (2,) or (m, 2)
+
+    Returns
+    -------
+    array, shape (n,) or (n, m)
+    """
+    x, y = points.T
+    first, second = np.multiply.outer(units[:, 0], x), np.multiply.outer(units[:, 1], y)
+    return np.asarray(np.add(first, second, out=first))
+
 
 FaceColumns = tuple[Floats, Floats, Floats, Floats]
 CornerColumns = tuple[Floats, Floats, Floats]
@@ -61,6 +83,8 @@ class Directions:
         Unit vectors along each direction and to its left.
     corners : array, shape (corners, 2)
         Corners of walls, each once.
+    normal, offset : array, shape (faces, 2) and (faces,)
+        Unit vector to the left of each face, and where its line is along that.
     """
 
     def __init__(self, walls: WallMap, first: float, count: int) -> None:
@@ -73,13 +97,13 @@ class Directions:
         self.aside = np.stack([-self.ahead[:, 1], self.ahead[:, 0]], axis=1)
         self.corners = np.unique(walls.start, axis=0)
         self.normal = np.stack([-walls.direction[:, 1], walls.direction[:, 0]], axis=1)
-        self._offset = (walls.start * self.normal).sum(axis=1)
+        self.offset = (walls.start * self.normal).sum(axis=1)
         self._faces: dict[int, FaceColumns] = {}
         self._corners: dict[int, CornerColumns] = {}
 
     def offsets(self, faces: Integers, places: Floats) -> Floats:
         """Return by how much the line of each face is to the left of each place, seen along it."""
-        return np.asarray(self._offset[faces, np.newaxis] - self.normal[faces] @ places.T)
+        return np.asarray(self.offset[faces, np.newaxis] - along(self.normal[faces], places))
 
     def face(self, face: int) -> FaceColumns:
         """Return what a ray's distance to a face depends on, for all directions.
@@ -99,30 +123,20 @@ class Directions:
         """
         known = self._faces.get(face)
         if known is None:
-            if len(self._faces) >= KEPT:
+            if len(self._faces) >= _KEPT:
                 self._faces.clear()
             known = self._faces[face] = self._turn_face(face)
         return known
 
-    def all_faces(self) -> FaceColumns:
-        """Return `face` of all faces; shape (faces, ...)."""
-        rate, lead, low, high = zip(*map(self.face, range(len(self.walls.length))), strict=True)
-        return np.array(rate), np.array(lead), np.array(low), np.array(high)
-
-    def all_corners(self) -> CornerColumns:
-        """Return `corner` of all corners; shape (corners, count, 1)."""
-        ahead, left, right = zip(*map(self.corner, range(len(self.corners))), strict=True)
-        return np.array(ahead), np.array(left), np.array(right)
-
     def _turn_face(self, face: int) -> FaceColumns:
         walls = self.walls
-        start, end = self.aside @ walls.start[face], self.aside @ walls.end[face]
+        start, end = along(self.aside, walls.start[face]), along(self.aside, walls.end[face])
         edge_on = np.abs(end - start) <= TOUCH * walls.length[face]
-        slope = self.ahead @ self.normal[face]
+        slope = along(self.ahead, self.normal[face])
         rate = np.where(edge_on, 0.0, 1.0 / np.where(edge_on, 1.0, slope))
-        lead = _ALONG[:, np.newaxis] + _ASIDE[:, np.newaxis] * ((self.aside @ self.normal[face]) * rate)
-        low = np.where(edge_on, np.inf, np.minimum(start, end) - TOUCH) - _ASIDE[:, np.newaxis]
-        high = np.maximum(start, end) + TOUCH - _ASIDE[:, np.newaxis]
+        lead = ALONG[:, np.newaxis] + ASIDE[:, np.newaxis] * (along(self.aside, self.normal[face]) * rate)
+        low = np.where(edge_on, np.inf, np.minimum(start, end) - TOUCH) - ASIDE[:, np.newaxis]
+        high = np.maximum(start, end) + TOUCH - ASIDE[:, np.newaxis]
         return rate[:, np.newaxis], lead[..., np.newaxis], low[..., np.newaxis], high[..., np.newaxis]
 
     def corner(self, corner: int) -> CornerColumns:
@@ -142,12 +156,12 @@ class Directions:
         """
         known = self._corners.get(corner)
         if known is None:
-            if len(self._corners) >= KEPT:
+            if len(self._corners) >= _KEPT:
                 self._corners.clear()
             shift, touch = self.count // 12, TOUCH * math.cos(HALF_APERTURE)
-            aside = self.aside @ self.corners[corner]
+            aside = along(self.aside, self.corners[corner])
             known = self._corners[corner] = (
-                (self.ahead @ self.corners[corner])[:, np.newaxis],
+                along(self.ahead, self.corners[corner])[:, np.newaxis],
                 (np.roll(aside, -shift) + SIDE - touch)[:, np.newaxis],
                 (np.roll(aside, shift) - SIDE + touch)[:, np.newaxis],
             )
@@ -212,51 +226,62 @@ class TilePlan:
 
 
 class SweepPlan:
-    """Plans of all tiles, made for some of them at a time.
+    """Plans of tiles.
 
     Parameters
     ----------
     directions : Directions
-    tiles : Tiles
     """
 
-    def __init__(self, directions: Directions, tiles: Tiles) -> None:
-        self._directions, self._tiles = directions, tiles
+    def __init__(self, directions: Directions) -> None:
+        self._directions = directions
         self._loops = _loops(directions.walls)
         self._outward = _outward(directions, self._loops)
-        self._step = max(_ELEMENTS // max(len(directions.walls.length), 1), 1)
-        self._first = -self._step
-        self._plans: list[TilePlan] = []
+        self.at_once = max(_ELEMENTS // max(len(directions.walls.length), 1), 1)
+        """Number of tiles that are planned together without much memory."""
 
-    def tile(self, number: int) -> TilePlan:
-        """Return the plan of a tile."""
-        if not self._first <= number < self._first + self._step:
-            self._first = number
-            self._plans = self._make(slice(number, number + self._step))
-        return self._plans[number - self._first]
-
-    def _make(self, chosen: slice) -> list[TilePlan]:
+    def arrays(self) -> tuple[tuple[NDArray[Any], ...], Floats, Floats, float]:
+        """Return what machine code makes its plans of: the faces, the corners, the directions, the first."""
         directions, walls = self._directions, self._directions.walls
-        low, high = self._tiles.low[chosen], self._tiles.high[chosen]
+        wall = np.zeros(len(walls.length), np.int64)
+        wall[self._loops[1:]] = 1
+        lines = (walls.start, walls.end, walls.direction, walls.length, directions.normal, directions.offset)
+        faces = tuple(map(np.ascontiguousarray, (*lines, self._outward, np.cumsum(wall))))
+        units = np.stack([directions.ahead, directions.aside])
+        return faces, directions.corners, units, directions.first
+
+    def tiles(self, low: Floats, high: Floats) -> list[TilePlan]:
+        """Return the plans of tiles.
+
+        Parameters
+        ----------
+        low, high : array, shape (tiles, 2)
+            Corners of the least boxes around their places.
+
+        Returns
+        -------
+        list of TilePlan
+        """
+        directions, walls = self._directions, self._directions.walls
         distance = box_distances(low, high, walls)
         begin, end = _bearings(low, high, np.stack([walls.start, walls.end], axis=1))
         # The centre is up to SIDE beside the line of a ray.
         turn = np.arcsin(np.minimum(SIDE / np.maximum(distance, SIDE), 1.0))
-        meets = (distance < _INSIDE) | (end - begin + 2.0 * turn >= math.pi)
+        meets = (distance < INSIDE) | (end - begin + 2.0 * turn >= math.pi)
         first, number = self._runs(begin - turn, end + turn, meets)
-        touchable = distance < _NEAR
+        touchable = distance < NEAR
         hidden, hidden_apart = self._hidden(low, high, touchable)
         corner_distance = point_box_distances(low, high, directions.corners)
         begin, end = _bearings(low, high, directions.corners[:, np.newaxis])
-        cone = self._runs(begin - HALF_APERTURE, end + HALF_APERTURE, corner_distance < _INSIDE)
+        cone = self._runs(begin - HALF_APERTURE, end + HALF_APERTURE, corner_distance < INSIDE)
         faces = (distance, first, number, meets | touchable, touchable, hidden, hidden_apart)
         return [TilePlan(*row) for row in zip(*faces, corner_distance, *cone, strict=True)]
 
     def _runs(self, begin: Floats, end: Floats, everywhere: Booleans) -> tuple[Integers, Integers]:
         """Return first directions and numbers of directions between angles."""
         count, first, step = self._directions.count, self._directions.first, self._directions.step
-        low = np.floor((begin - first) / step - _SLACK).astype(np.int64)
-        number = np.ceil((end - first) / step + _SLACK).astype(np.int64) + 1 - low
+        low = np.floor((begin - first) / step - SLACK).astype(np.int64)
+        number = np.ceil((end - first) / step + SLACK).astype(np.int64) + 1 - low
         everywhere = everywhere | (number >= count)
         return np.where(everywhere, 0, low % count), np.where(everywhere, count, number)
 
@@ -270,7 +295,7 @@ class SweepPlan:
         touched = np.logical_or.reduceat(touchable, starts, axis=1)
         lengths = np.diff(np.append(starts, len(walls.length)))
         # A sensor may be half a unit nearer to the outer side than the centre is.
-        hidden = (sides.max(axis=0) < -_NEAR) & np.repeat(outside, lengths, axis=1)
+        hidden = (sides.max(axis=0) < -NEAR) & np.repeat(outside, lengths, axis=1)
         return hidden, hidden & ~np.repeat(touched, lengths, axis=1)
 
 

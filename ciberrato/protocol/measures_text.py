@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from dataclasses import fields
 from itertools import product
@@ -45,7 +46,7 @@ _COUNT = rb"([0-9]{1,18})"
 _INTEGER = rb"(-?[0-9]{1,18})"
 _REAL = rb"(-?[0-9]{1,18}(?:\.[0-9]{1,18})?(?:e[+-][0-9]{1,3})?)"
 _SWITCH = rb'"(On|Off)"'
-_LAYOUT = re.compile(
+_LAYOUT = (
     rb'<Measures Time="' + _COUNT + rb'">\n'
     rb'\t<Sensors(?: Collision="(Yes|No)")?'
     rb'(?: Compass="' + _REAL + rb'")?(?: Ground="' + _INTEGER + rb'")?>\n'
@@ -74,9 +75,14 @@ _ADDED = _ELEMENTS.keys() - {"gps", "line"}
 """Of sensors that the layouts above do not know: messages with them go through the XML parser."""
 
 
+@functools.cache
+def _layout() -> re.Pattern[bytes]:
+    return re.compile(_LAYOUT)  # when the first message has come, not before a program registers
+
+
 def measures_from_layout(data: bytes) -> Measures | None:
     """Read Measures in the exact layout of the simulators; None where it differs in any byte."""
-    match = _LAYOUT.match(data)
+    match = _layout().match(data)
     if match is None:
         return None
     (

@@ -19,7 +19,7 @@ DEFAULT_SENSOR_ANGLES = (0.0, 60.0, -60.0, 180.0)
 # --- client to simulator, main port -------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class RobotRegistration:
     """A robot asks for a place.
 
@@ -48,7 +48,7 @@ class RobotRegistration:
         return (angles[0], angles[1], angles[2], angles[3])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class RobotBeaconRegistration:
     """A robot that carries a beacon asks for a place.
 
@@ -68,7 +68,7 @@ class RobotBeaconRegistration:
     height: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(repr=False, frozen=True, slots=True)
 class ViewRegistration:
     """A viewer requests all messages.
 
@@ -83,7 +83,7 @@ class ViewRegistration:
     token: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(repr=False, frozen=True, slots=True)
 class PanelRegistration:
     """A control panel registers; it gets a Reply and nothing else.
 
@@ -103,7 +103,7 @@ Registration = RobotRegistration | RobotBeaconRegistration | ViewRegistration | 
 # --- robot to simulator --------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class Actions:
     """Commands of a robot; None leaves things as they are.
 
@@ -160,7 +160,7 @@ class Reset:
     """Forget all robots and views and begin again."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class RemoveRobot:
     """Take a robot out of the world.
 
@@ -184,7 +184,7 @@ class Refusal:
     """The registration is refused."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class Acceptance:
     """The registration is accepted.
 
@@ -205,7 +205,7 @@ class Acceptance:
     lockstep: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class BeaconReading:
     """Reading of a beacon sensor.
 
@@ -223,7 +223,7 @@ class BeaconReading:
     bearing: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class HeardMessage:
     """Message of another robot (or this one) in this cycle.
 
@@ -240,7 +240,7 @@ class HeardMessage:
     text: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class ScoreReading:
     """The score sensor.
 
@@ -267,7 +267,7 @@ class ScoreReading:
     visited_mask: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class OtherReading:
     """An element in Sensors that this protocol does not know: a sensor that others wrote.
 
@@ -298,7 +298,7 @@ def sent_as(name: str, **attributes: type) -> Any:
     return field(default=None, metadata={"element": (name, attributes)})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class Measures:
     """Readings of a robot's sensors after a cycle.
 
@@ -352,7 +352,7 @@ class Measures:
         return next((dict(reading.values) for reading in self.others if reading.name == name), None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class RobotStatus:
     """State of a robot in a cycle, as viewers receive it.
 

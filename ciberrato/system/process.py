@@ -5,17 +5,19 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import shutil
 import signal
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-_OWN_GROUP: int | None = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", None)
-"""Windows' flag for a child that the terminal's Ctrl-C is not meant for; None elsewhere."""
+if TYPE_CHECKING:
+    import subprocess
+
+_OWN_GROUP: int | None = 0x200 if sys.platform == "win32" else None
+"""``CREATE_NEW_PROCESS_GROUP``, Windows' flag for a child that the terminal's Ctrl-C is not meant for; None
+elsewhere. Written out, as loading `subprocess` takes longer than all else of this module."""
 
 
 def apart() -> dict[str, Any]:
@@ -137,6 +139,8 @@ def runnable(command: Sequence[str], environment: Mapping[str, str]) -> list[str
         return [program, *rest]
     if program in ("python", "python3"):
         return [sys.executable, *rest]
+    import shutil
+
     return [shutil.which(program, path=environment.get("PATH")) or program, *rest]
 
 

@@ -6,12 +6,14 @@ import math
 import select
 import socket
 import struct
-import subprocess
 import sys
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from ciberrato.system.process import apart
+
+if TYPE_CHECKING:
+    import subprocess
 
 READING, WRITING = 1, 4
 """Events for which a poller can wait: the values of POLLIN and POLLOUT, which Windows does not name."""
@@ -158,6 +160,8 @@ def start_with_channel(command: Sequence[str]) -> tuple[subprocess.Popen[bytes],
     channel : socket
         Blocking.
     """
+    import subprocess
+
     ours, theirs = socket.socketpair()
     with theirs:
         number = theirs.fileno()

@@ -17,7 +17,7 @@ CELL_SIZE = 2.0
 BORDER_HEIGHT = 4.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class Beacon:
     """A lamp that beacon sensors see.
 
@@ -40,7 +40,7 @@ class Beacon:
             check_number(name, getattr(self, name))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class Target:
     """A disc on the floor that the ground sensor sees when the whole robot is inside.
 
@@ -61,7 +61,7 @@ class Target:
             check_number(name, getattr(self, name))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class Wall:
     """A simple polygon: an obstacle, or a line painted on the floor where its height is 0.
 

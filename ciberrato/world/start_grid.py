@@ -9,7 +9,7 @@ from ciberrato.reprs import short_repr
 from ciberrato.world.fields import check_number, make_tuple
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
 class GridPosition:
     """One start pose.
 

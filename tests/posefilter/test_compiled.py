@@ -17,10 +17,14 @@ from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.face_tables import LabTables
 from ciberrato.labs import find_lab
 from ciberrato.localization.belief import compiled
+from ciberrato.localization.belief.lattice import distances_to_walls, nearest_walls
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.belief.reweight import multiply
+from ciberrato.localization.evidence.symmetry import find_turns
 from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.refinement.cones import cone_distances
+from ciberrato.localization.tables.pose_tables import build_tables
+from ciberrato.localization.tables.reading_codes import encode
 from ciberrato.protocol import Actions, RobotRegistration
 from ciberrato.world.lab import Lab, Wall
 from ciberrato.world.parameters import Parameters
@@ -140,7 +144,6 @@ def test_a_whole_run_comes_out_the_same(loops, small_lab, coarse_tables, fine_ta
 
 
 def test_states_that_look_alike_keep_equal_weights(loops):
-    from ciberrato.localization.tables.pose_tables import build_tables
 
     def beam(y):
         return Wall(height=4.0, corners=((0.0, y), (6.0, y), (6.0, y + 0.2), (0.0, y + 0.2)))
@@ -220,3 +223,35 @@ def test_without_being_asked_nothing_is_imported():
         check=False,
     )
     assert run.returncode == 0
+
+
+@pytest.mark.parametrize("name", ["rooms", "diagonals"])
+def test_lattices_and_tables_are_the_same(loops, name):
+    lab = read_lab(find_lab(name))
+    one, other = with_and_without(loops, lambda: build_tables(lab, (0.0, 61.0), 2.0 / 9.0))
+    for field in ("x", "y", "representative", "clearance", "cell", "site", "index"):
+        assert np.array_equal(getattr(one.lattice, field), getattr(other.lattice, field))
+    assert all(np.array_equal(*pair) for pair in zip(one.codes, other.codes, strict=True))
+    places = one.lattice.representative
+    one, other = with_and_without(loops, lambda: find_turns(lab, WallMap.from_lab(lab), places, 0.1))
+    assert one == other
+
+
+def test_nearest_walls_of_scattered_places_are_the_same(loops):
+    walls = WallMap.from_lab(read_lab(find_lab("diagonals")))
+    generator = np.random.default_rng(6)
+    places = generator.uniform((-2.0, -2.0), (walls.width + 2.0, walls.height + 2.0), (2000, 2))
+    places[:500] = np.round(places[:500])  # on walls, and as near to one as to another
+    one, other = with_and_without(loops, lambda: distances_to_walls(walls, places))
+    assert np.array_equal(one, other)
+    assert np.array_equal(one, walls.distance(*places.T))
+    for one, other in zip(*with_and_without(loops, lambda: nearest_walls(walls, places)), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_codes_of_distances_are_the_same(loops):
+    distances = np.random.default_rng(7).exponential(3.0, (40, 50))
+    distances[0, :8] = [0.0, -0.0, -1.0, np.nan, np.inf, 1e300, 5e-324, 40.0]
+    one, other = with_and_without(loops, lambda: encode(distances))
+    assert np.array_equal(one, other)
+    assert len(np.unique(one)) > 100

@@ -326,7 +326,7 @@ def test_the_worker_computes_in_another_process_and_keeps_the_tables(small_lab, 
         small_lab, (0.0,), coarse=0.5, fine=0.25, folder=tmp_path, progress=lambda *step: seen.append(step)
     )
     worker.start()
-    assert worker.wait(60.0)
+    assert worker.wait(300.0)
     assert worker.error is None
     assert worker.fine is not None
     expected = build_tables(small_lab, (0.0,), 0.25)
@@ -338,13 +338,27 @@ def test_the_worker_computes_in_another_process_and_keeps_the_tables(small_lab, 
     assert len(list(tmp_path.glob("*.npz"))) == 2
 
 
+def test_machine_code_is_loaded_for_tables_that_are_there_sooner_with_it(small_lab, monkeypatch):
+    from ciberrato.localization.belief import compiled
+    from ciberrato.localization.tables.build import _is_worth_loading
+
+    large = dataclasses.replace(small_lab, width=60.0, height=30.0)
+    for at_hand in (True, False):  # where it is still being compiled nothing waits for it
+        monkeypatch.setattr(compiled, "at_hand", lambda at_hand=at_hand: at_hand)
+        for wanted, expected in (("auto", [False, True]), ("off", [False, False]), ("on", [True, True])):
+            monkeypatch.setattr(compiled, "choice", lambda wanted=wanted: wanted)
+            assert [_is_worth_loading(lab) for lab in (small_lab, large)] == [
+                at_hand and one for one in expected
+            ]
+
+
 def test_a_lab_too_large_for_the_fine_lattice_has_coarse_tables_only(small_lab, tmp_path, monkeypatch):
     assert fine_resolution(read_lab(find_lab("wide"))) == FINE
     assert fine_resolution(dataclasses.replace(small_lab, width=60.0, height=50.0)) == COARSE
     monkeypatch.setattr("ciberrato.localization.tables.pose_tables._LARGEST", 1.0)
     worker = TableWorker(small_lab, (0.0,), folder=tmp_path)
     worker.start()
-    assert worker.wait(60.0)
+    assert worker.wait(300.0)
     assert worker.error is None
     assert worker.coarse is not None
     assert worker.fine is None

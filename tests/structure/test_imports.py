@@ -95,6 +95,7 @@ ITSELF_LAZY = {
     "ciberrato/bayes/scan_loops.py",
     "ciberrato/bayes/vectors.py",
     "ciberrato/infrared/cone_compiled.py",
+    "ciberrato/infrared/sweep_compiled.py",
     "ciberrato/localization/belief/kernels.py",
     "simulator_stub/batch/loops.py",
     "simulator_stub/cycle_loops.py",

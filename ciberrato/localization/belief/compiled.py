@@ -18,7 +18,7 @@ from ciberrato.errors import UsageError
 from ciberrato.machine_code import VARIABLE, available, choice
 
 __all__ = ["VARIABLE", "at_hand", "available", "choice", "kernels", "load", "use"]
-LOOPS = 11
+LOOPS = 13
 """Number of compiled functions."""
 
 _active: ModuleType | None = None

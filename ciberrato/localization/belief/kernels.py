@@ -20,6 +20,10 @@ import numpy as np
 
 from ciberrato.geometry.visible_faces import LONGEST
 from ciberrato.infrared.cone_compiled import nearest_listed
+from ciberrato.infrared.sweep_compiled import dot, face_distance, greatest_of, near, paint_corner, paint_faces
+
+_BLOCK = 16
+"""Places, one behind the other, whose near faces are looked for together."""
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
@@ -146,36 +150,98 @@ def cone_distances(faces, seen, rows, sectors, x, y, cosine, sine):
 
 
 @_jit
-def paint_faces(rays, across, offsets, runs, rates, leads, lows, highs, touch):
-    """Apply faces to distances along rays; see `ciberrato.infrared.sweep`."""
-    count = across.shape[0]
-    for number in range(runs.shape[0]):
-        face, offset = runs[number, 0], offsets[number]
-        least = -touch if runs[number, 3] else -math.inf
-        for step in range(runs[number, 2]):
-            row = (runs[number, 1] + step) % count
-            factor, aside = rates[face, row, 0], across[row]
-            for ray in range(3):
-                ahead, low, high = leads[face, ray, row, 0], lows[face, ray, row, 0], highs[face, ray, row, 0]
-                nearest = rays[ray, row]
-                for place in range(offset.shape[0]):
-                    reach, old, here = factor * offset[place] - ahead, nearest[place], aside[place]
-                    seen = (here >= low) & (here <= high) & (reach >= least) & (reach < old)
-                    nearest[place] = reach if seen else old
+def encode(distances, codes, greatest, shift, nearest):
+    """Convert distances to codes; see `ciberrato.localization.tables.reading_codes.encode`."""
+    bits, last = distances.view(np.int64), codes.shape[0] - 1
+    coded = np.empty(distances.shape, np.uint8)
+    for row in range(distances.shape[0]):
+        for place in range(distances.shape[1]):
+            distance = distances[row, place]
+            index = min(max((bits[row, place] >> shift) - nearest, 0), last)
+            code = codes[index] - (distance > greatest[index])
+            coded[row, place] = code if distance < math.inf else 255
+    return coded
 
 
 @_jit
-def paint_corners(squared, along, across_left, across_right, squares, runs, aheads, lefts, rights):
-    """Apply corners to squared distances; see `ciberrato.infrared.sweep`."""
-    count = along.shape[0]
-    for number in range(runs.shape[0]):
-        corner, square = runs[number, 0], squares[number]
-        for step in range(runs[number, 2]):
-            row = (runs[number, 1] + step) % count
-            ahead, low, high = aheads[corner, row, 0], lefts[corner, row, 0], rights[corner, row, 0]
-            nearest, forward = squared[row], along[row]
-            at_left, at_right = across_left[row], across_right[row]
-            for place in range(square.shape[0]):
-                distance, old = forward[place] + square[place] - ahead, nearest[place]
-                seen = (at_left[place] >= low) & (at_right[place] <= high) & (distance < old)
-                nearest[place] = distance if seen else old
+def wall_distances(places, start, end, direction, length, most):
+    """Return the distances of places to the nearest face; see `ciberrato.geometry.tiles.wall_distances`."""
+    result = np.empty(places.shape[0])
+    for begin in range(0, places.shape[0], _BLOCK):
+        some = places[begin : begin + _BLOCK]
+        listed = near(some, start, end, direction, length)
+        for number in range(some.shape[0]):
+            least = most
+            for face in listed:
+                distance = face_distance(
+                    some[number, 0], some[number, 1], start[face], end[face], direction[face], length[face]
+                )
+                least = min(least, distance)
+            result[begin + number] = least
+    return result
+
+
+@_jit
+def nearest_feet(places, start, end, direction, length):
+    """Return the nearest wall point to each place and its distance; see `belief.lattice`."""
+    foot, result = np.empty(places.shape), np.empty(places.shape[0])
+    for begin in range(0, places.shape[0], _BLOCK):
+        some = places[begin : begin + _BLOCK]
+        listed = near(some, start, end, direction, length)
+        for number in range(some.shape[0]):
+            x, y, least = some[number, 0], some[number, 1], math.inf
+            for face in listed:
+                (start_x, start_y), (ux, uy) = start[face], direction[face]
+                along = min(max((x - start_x) * ux + (y - start_y) * uy, 0.0), length[face])
+                foot_x, foot_y = start_x + along * ux, start_y + along * uy
+                squared = (x - foot_x) * (x - foot_x) + (y - foot_y) * (y - foot_y)
+                if squared < least:
+                    least = squared
+                    foot[begin + number, 0], foot[begin + number, 1] = foot_x, foot_y
+            result[begin + number] = math.sqrt(least)
+    return foot, result
+
+
+@_jit
+def sweep_tile(places, walls, corners, units, first):
+    """Return the distances that a sensor takes in a tile; see `ciberrato.infrared.sweep`.
+
+    The arithmetic of a distance is the same; what cannot be nearest is left out direction by direction.
+
+    Parameters
+    ----------
+    places : array, shape (places, 2)
+    walls : tuple of array
+        Start, end, direction, length, normal, offset, outward side and number of the wall of each face.
+    corners : array, shape (corners, 2)
+    units : array, shape (2, directions, 2)
+        Unit vectors ahead and aside.
+    first : float
+        First direction, in radians.
+
+    Returns
+    -------
+    array, shape (directions, places)
+    """
+    count, size = units.shape[1], places.shape[0]
+    box = places[:, 0].min(), places[:, 1].min(), places[:, 0].max(), places[:, 1].max()
+    ahead, aside = np.empty((count, size)), np.empty((count, size))
+    for row in range(count):
+        for place in range(size):
+            ahead[row, place] = dot(units[0, row], places[place])
+            aside[row, place] = dot(units[1, row], places[place])
+    rays = paint_faces(places, box, aside, walls, units, first)
+    squared, far, shift = np.empty((count, size)), np.empty(count), count // 12
+    for row in range(count):
+        left, right, axis = rays[1, (row + shift) % count], rays[2, (row - shift) % count], rays[0, row]
+        for place in range(size):
+            squared[row, place] = max(min(min(left[place], right[place]), axis[place]), 0.0)
+        far[row] = greatest_of(squared[row])
+        for place in range(size):
+            squared[row, place] *= squared[row, place]
+    for corner in corners:
+        paint_corner(corner, squared, far, places, box, ahead, aside, units, first)
+    for row in range(count):
+        for place in range(size):
+            squared[row, place] = math.sqrt(max(squared[row, place], 0.0))
+    return squared

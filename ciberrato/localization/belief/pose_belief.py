@@ -119,6 +119,21 @@ class PoseBelief:
         self._merge([(bins, squares, weights.astype(np.float32))])
         self.normalize()
 
+    def renumber(self, lattice: Lattice) -> None:
+        """Go over to a lattice with other numbers for the same nodes, on which all listed states are free.
+
+        Parameters
+        ----------
+        lattice : Lattice
+            Of the same lab and resolution; of another part of it.
+        """
+        old = self.lattice
+        row, column = np.divmod(old.site[self.square], old.nx)
+        column += old.corner[0] - lattice.corner[0]
+        row += old.corner[1] - lattice.corner[1]
+        self.square = lattice.index[row * lattice.nx + column]
+        self.lattice, self._moves = lattice, lattice.move_table(REACH)
+
     def copy(self) -> PoseBelief:
         """Return a belief of its own that holds the same."""
         other = PoseBelief(self.lattice, self.bins, prune=self.prune_weight, uniform=False)

@@ -99,9 +99,8 @@ def _first_walls(lab: Lab, beacon: Beacon) -> Floats:
     return first
 
 
-@functools.lru_cache(maxsize=32)
 def beacon_table(lab: Lab, lattice: Lattice, number: int) -> BeaconTable:
-    """Tabulate a beacon.
+    """Tabulate a beacon; once for a lattice.
 
     Parameters
     ----------
@@ -114,6 +113,13 @@ def beacon_table(lab: Lab, lattice: Lattice, number: int) -> BeaconTable:
     -------
     BeaconTable
     """
+    known: BeaconTable | None = lattice.kept.get((lab, number))
+    if known is None:
+        known = lattice.kept[lab, number] = _tabulate(lab, lattice, number)
+    return known
+
+
+def _tabulate(lab: Lab, lattice: Lattice, number: int) -> BeaconTable:
     beacon = lab.beacons[number]
     x, y = lattice.representative.T
     angle, distance = np.arctan2(y - beacon.y, x - beacon.x), np.hypot(beacon.x - x, beacon.y - y)
@@ -174,6 +180,8 @@ class BeaconSense:
             table = beacon_table(self._lab, belief.lattice, reading.beacon)
             likelihood = self.likelihood(reading.bearing, belief.heading_offset) ** exponent
             _multiply(belief, table.codes, likelihood.astype(np.float32))
+            if belief.lattice.whole is not None:
+                table = beacon_table(self._lab, belief.lattice.whole, reading.beacon)
             mean = float(table.shares @ likelihood.mean(axis=1))
             elsewhere = (elsewhere or 0.0) + math.log(max(mean, 1e-30))
         return elsewhere

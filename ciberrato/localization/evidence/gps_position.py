@@ -54,7 +54,7 @@ class PlaceDensity:
 
     def _mixed(self, near: Floats, belief: PoseBelief) -> Floats:
         share = belief.lattice.resolution**2 / (2.0 * math.pi * self.variance)
-        return np.asarray((1.0 - DOUBT) * share * near + DOUBT / belief.lattice.size)
+        return np.asarray((1.0 - DOUBT) * share * near + DOUBT / belief.lattice.everywhere)
 
 
 def weigh_place(belief: PoseBelief, before: PlaceDensity | None, after: PlaceDensity) -> None:

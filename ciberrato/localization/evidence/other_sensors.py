@@ -106,6 +106,8 @@ class GroundSensor:
         self._inside = np.array(rows).reshape(-1, lattice.size)
         self._outside = 1.0 - self._inside.max(axis=0, initial=0.0)
         self._near = np.flatnonzero(self._outside < 0.999)
+        # A part of a lab without targets is weighed, and rounded, like the others.
+        self._tells = bool(rows) and (lattice.whole is not None or len(self._near) > 0)
 
     def weigh(self, belief: PoseBelief, target: int, exponent: float) -> None:
         """Weigh the states by a report.
@@ -117,7 +119,7 @@ class GroundSensor:
             Number of the target, -1 for none.
         exponent : float
         """
-        if target >= len(self._inside) or not len(self._near):
+        if target >= len(self._inside) or not self._tells:
             return
         factor = self._inside[target] if target >= 0 else self._outside
         values = (np.maximum(factor, 0.02) ** exponent).astype(np.float32)

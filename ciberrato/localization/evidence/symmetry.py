@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.arrays import Floats
-from ciberrato.geometry.tiles import wall_distances
 from ciberrato.geometry.walls import WallMap
 from ciberrato.infrared.model import ideal_reading, sensor_distances
+from ciberrato.localization.belief.lattice import distances_to_walls
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.reprs import short_repr
 from ciberrato.world.coordinates import Pose
@@ -90,7 +90,8 @@ def find_turns(lab: Lab, walls: WallMap, places: Floats, resolution: float) -> l
     both = [each for turn in turns for each in (turn, Turn(turn.x, turn.y, 2.0 * math.pi - turn.angle))]
     # All at once: a point more costs little then.
     moved = [_moved(each, some) for each in both]
-    here, *there = np.split(wall_distances(walls, np.concatenate([some, *moved]), tile=4.0), len(both) + 1)
+    everywhere = distances_to_walls(walls, np.concatenate([some, *moved]), tile=4.0)
+    here, *there = np.split(everywhere, len(both) + 1)
     alike = [
         _share_alike(each, walls, (some, here), after) >= _MUCH
         for each, after in zip(both, zip(moved, there, strict=True), strict=True)

@@ -29,7 +29,7 @@ from ciberrato.localization.filtering.challenge import Challenge
 from ciberrato.localization.filtering.diffusion import Diffusion
 from ciberrato.localization.filtering.images import TurnedImages
 from ciberrato.localization.filtering.interruption import LOST, Interruption
-from ciberrato.localization.filtering.stage import FineStage, Stage
+from ciberrato.localization.filtering.stage import FineStage, Stage, transfer
 from ciberrato.localization.filtering.tempering import Tempering
 from ciberrato.localization.records import FilterSettings, FilterStep, Motion
 from ciberrato.localization.refinement.refiner import Refinement
@@ -196,6 +196,8 @@ class GridFilter:
                 self._give_way_to(winner.stage, measures.time)
         if self.fine is not None and not self.is_fine:
             self.stage = self.fine.after(self.stage) or self.stage
+        elif self.fine is not None:
+            self.fine.look_ahead(self.stage)
 
     def _take_moment(self, moment: Moment) -> None:
         # Of a robot known to stand on a node the first reading is the node's, and repeats no error.
@@ -210,6 +212,7 @@ class GridFilter:
             time=moment.time,
             beacons=moment.beacons if self._beacons is not None else (),
         )
+        self._make_room(moment)
         self._move(moment)
         if self.gps is not None and moment.gps is not None:
             told = self.gps.weigh(self.belief, moment.gps)
@@ -226,6 +229,25 @@ class GridFilter:
         self.update(step, on_node=on_node)
         if self.refinement is not None:
             self.refinement.follow(step, min(step.exponent / self.stage.settings.exponent, 1.0))
+
+    def _make_room(self, moment: Moment) -> None:
+        """Go back to the first stage if there are no fine tables where the robot may be after a moment."""
+        if self.fine is None or not self.is_fine:
+            return
+        way = max(
+            sum(abs(motion.left + motion.right) / 2.0 for motion in motions)
+            for motions in (moment.motions, moment.otherwise)
+        )
+        if self.fine.make_room(self.stage, way, len(moment.motions)):
+            return
+        fine, self.stage = self.stage, self._first_stage()
+        if fine.belief.dense is None:
+            transfer(fine.belief, self.belief)
+        else:
+            self.belief.set_uniform()
+
+    def _first_stage(self) -> Stage:
+        return Stage(self.lab, self.planning_tables, self.parameters, self._first_settings, uniform=False)
 
     def _move(self, moment: Moment) -> None:
         """Move the belief by all cycles before a moment."""
@@ -316,9 +338,7 @@ class GridFilter:
         if self.refinement is not None:
             self.refinement.end()
         if self.is_fine:
-            self.stage = Stage(
-                self.lab, self.planning_tables, self.parameters, self._first_settings, uniform=False
-            )
+            self.stage = self._first_stage()
         self.restarts.append(time)
         self.alarm.reset()
         self._tempering.begin_anew()

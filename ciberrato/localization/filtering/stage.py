@@ -19,12 +19,17 @@ from ciberrato.localization.evidence.other_sensors import GroundSensor, compass_
 from ciberrato.localization.records import FilterSettings, FilterStep
 from ciberrato.localization.tables.pose_tables import BINS, PoseTables
 from ciberrato.localization.tables.reading_codes import ReadingCodes
+from ciberrato.localization.tables.tiled import TiledTables, Tiling
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 
 FEW = 4000
 """States of the coarse belief that the fine lattice takes over."""
 _LEAST = 1e-12
+TILES_A_MESSAGE = 2
+"""Most tiles of tables computed for a message."""
+_AHEAD, _COMPUTED = 0.6, 1.6
+"""Units around a belief, beyond what it needs: reach of a new part of the lab; where tiles are computed."""
 
 
 class Stage:
@@ -67,6 +72,12 @@ class Stage:
         self._exact_codes = ReadingCodes(
             noise=parameters.obstacle_noise, place=0.0, turn=0.0, outlier=settings.outlier
         )
+
+    def renew(self, tables: PoseTables) -> None:
+        """Go over to tables of another part of the lab, of the same resolution, with all states in it."""
+        self.tables = tables
+        self.belief.renumber(tables.lattice)
+        self.ground = GroundSensor(self.lab, self.belief)
 
     def weigh(
         self, step: FilterStep, beacons: BeaconSense | None, *, exact: bool
@@ -145,25 +156,88 @@ class Stage:
 class FineStage:
     """The stage that follows the first one, when its tables are there and few states are left.
 
+    With `TiledTables` the stage is on the part of the lab around its states, which follows them. Where they
+    lie in too many places, or come to places whose tables are not there yet, the first stage goes on.
+
     Parameters
     ----------
-    tables : PoseTables or None
+    tables : PoseTables or TiledTables or None
         Tables of the fine lattice; None: they come later, to be set.
     settings : FilterSettings
     """
 
-    def __init__(self, tables: PoseTables | None, settings: FilterSettings) -> None:
+    def __init__(self, tables: PoseTables | TiledTables | None, settings: FilterSettings) -> None:
         self.tables = tables
         self.settings = settings
+        self._part: Tiling = frozenset()
+        self._left = TILES_A_MESSAGE
 
     def after(self, stage: Stage) -> Stage | None:
         """Return the fine stage with the belief of the coarse one, if it is time to go over to it."""
-        belief = stage.belief
-        if self.tables is None or belief.dense is not None or belief.states > FEW:
+        belief, tables = stage.belief, self.tables
+        if tables is None or belief.dense is not None or belief.states > FEW:
             return None
-        fine = Stage(stage.lab, self.tables, stage.parameters, self.settings, uniform=False)
+        if isinstance(tables, TiledTables):
+            part = tables.around(belief, _AHEAD + belief.lattice.resolution)
+            if part is None or not self._fetch(tables, part, last=True):
+                return None
+            self._part = part
+            tables = tables.part(part)
+        fine = Stage(stage.lab, tables, stage.parameters, self.settings, uniform=False)
         transfer(belief, fine.belief)
         return fine
+
+    def make_room(self, stage: Stage, way: float, motions: int) -> bool:
+        """Have the fine stage's part of the lab reach as far as a belief may come.
+
+        Parameters
+        ----------
+        stage : Stage
+            The fine one.
+        way : float
+            Units that the robot may drive now, back and forth added up.
+        motions : int
+            Number of cycles in which it does so.
+
+        Returns
+        -------
+        bool
+            Whether that could be done; if not, the belief must go back to the first stage.
+        """
+        tables, belief = self.tables, stage.belief
+        if not isinstance(tables, TiledTables):
+            return True
+        if belief.dense is not None:
+            return False  # nothing was left of it
+        # Beside the way, a cycle may spread states to the next square, and to the offset of the next heading.
+        reach = way + (4 + 2 * motions) * tables.resolution
+        needed = tables.around(belief, reach)
+        if needed is None:
+            return False
+        if needed <= self._part:
+            return True
+        wide = tables.around(belief, reach + _AHEAD)
+        if wide is not None and tables.missing(wide) == 0:
+            needed = wide
+        if not self._fetch(tables, needed):
+            return False
+        self._part = needed
+        stage.renew(tables.part(needed))
+        return True
+
+    def look_ahead(self, stage: Stage) -> None:
+        """Compute some of the tables around the fine stage's belief, before it comes there."""
+        if isinstance(self.tables, TiledTables) and stage.belief.dense is None:
+            around = self.tables.around(stage.belief, _COMPUTED)
+            if around is not None:
+                self._fetch(self.tables, around, last=True)
+
+    def _fetch(self, tables: TiledTables, tiles: Tiling, *, last: bool = False) -> bool:
+        """Compute what is missing of some tiles within the message's ration; `last`: it is over then."""
+        before = tables.computed
+        complete = tables.fetch(tiles, self._left)
+        self._left = TILES_A_MESSAGE if last else self._left - (tables.computed - before)
+        return complete
 
 
 def transfer(source: PoseBelief, target: PoseBelief) -> None:
@@ -181,10 +255,7 @@ def transfer(source: PoseBelief, target: PoseBelief) -> None:
     shifts = (np.arange(parts) - (parts - 1) / 2.0) / parts * source.lattice.resolution
     all_x = (x[:, np.newaxis, np.newaxis] + shifts).repeat(parts, axis=1)
     all_y = (y[:, np.newaxis, np.newaxis] + shifts[:, np.newaxis]).repeat(parts, axis=2)
-    column = np.round((all_x - lattice.origin[0]) / lattice.resolution).astype(np.int64)
-    row = np.round((all_y - lattice.origin[1]) / lattice.resolution).astype(np.int64)
-    column, row = np.clip(column, 0, lattice.nx - 1), np.clip(row, 0, lattice.ny - 1)
-    chosen = lattice.index[row * lattice.nx + column].reshape(len(bins), -1)
+    chosen = lattice.squares_at(all_x, all_y).reshape(len(bins), -1)
     share = np.repeat(weights[:, np.newaxis] / parts**2, parts**2, axis=1)
     target.set_weighted(
         np.repeat(bins, parts**2), chosen.ravel(), share.ravel(), heading_offset=source.heading_offset

@@ -18,6 +18,7 @@ from ciberrato.localization.filtering.stage import FineStage
 from ciberrato.localization.records import FilterSettings
 from ciberrato.localization.refinement.refiner import Refinement
 from ciberrato.localization.tables.pose_tables import PoseTables
+from ciberrato.localization.tables.tiled import TiledTables
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 
@@ -27,7 +28,7 @@ COARSE_SETTINGS = FilterSettings()
 def staged_filter(
     lab: Lab,
     coarse: PoseTables,
-    fine: PoseTables | None,
+    fine: PoseTables | TiledTables | None,
     parameters: Parameters,
     settings: FilterSettings | None = None,
     *,
@@ -40,7 +41,7 @@ def staged_filter(
     ----------
     lab : Lab
     coarse : PoseTables
-    fine : PoseTables or None
+    fine : PoseTables or TiledTables or None
         May come later, as `tables` of the filter's fine stage.
     parameters : Parameters
         As announced.

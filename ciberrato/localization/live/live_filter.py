@@ -21,6 +21,8 @@ from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.localization.live.moments import CellMoments
 from ciberrato.localization.live.statistics import LiveStatistics
 from ciberrato.localization.records import FilterSettings, Input
+from ciberrato.localization.tables.pose_tables import COARSE, fine_resolution
+from ciberrato.localization.tables.tiled import TiledTables
 from ciberrato.localization.tables.worker import TableWorker
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
@@ -192,11 +194,17 @@ class LiveFilter:
         coarse, fine = self._worker.coarse, self._worker.fine
         if self.filter is None and coarse is not None:
             self.filter = staged_filter(
-                self.lab, coarse, fine, self._parameters, self._settings, start=self._start
+                self.lab, coarse, fine or self._tiled(), self._parameters, self._settings, start=self._start
             )
             self.moments.begin(self.filter.belief)
         elif self.filter is not None and self.filter.fine is not None and self.filter.fine.tables is None:
-            self.filter.fine.tables = fine
+            self.filter.fine.tables = fine or self._tiled()
+
+    def _tiled(self) -> TiledTables | None:
+        """Return fine tables of a lab too large for them; of this filter alone, which computes them."""
+        coarse = self._worker.coarse
+        is_large = fine_resolution(self.lab) >= COARSE
+        return TiledTables(self.lab, coarse) if is_large and coarse is not None else None
 
     def _feed(self, pose_filter: GridFilter, taken: int, end: float) -> int:
         while taken < len(self.history) and self._clock() < end:

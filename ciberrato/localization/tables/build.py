@@ -17,6 +17,10 @@ from ciberrato.reprs import short_repr
 from ciberrato.system.process import lower_priority
 from ciberrato.world.lab import Lab
 
+_LARGE = 1500.0
+"""Square units of a lab from which loading machine code (a second of processor time, as much as both tables
+of a lab of 400) delays not even the coarse tables."""
+
 
 @dataclass(frozen=True, slots=True)
 class TableRequest:
@@ -49,11 +53,23 @@ def main() -> int:
         _compute(request)
 
 
+def _is_worth_loading(lab: Lab) -> bool:
+    """Return whether tables are there sooner with machine code, loading it included."""
+    from ciberrato.localization.belief import compiled
+
+    wanted = compiled.choice()
+    large = lab.width * lab.height >= _LARGE or wanted == "on"
+    return large and wanted != "off" and compiled.at_hand()
+
+
 def _compute(request: TableRequest) -> None:
+    from ciberrato.localization.belief import compiled
     from ciberrato.localization.tables.cache import write_tables
     from ciberrato.localization.tables.pose_tables import build_tables
     from ciberrato.system.memory import memory_megabytes
 
+    if _is_worth_loading(request.lab):
+        compiled.load()
     shown = -1
 
     def progress(done: float) -> None:

@@ -30,14 +30,15 @@ BINS = 72
 """Number of heading bins, 5 degrees each."""
 
 FINE, COARSE = 0.1, 2.0 / 9.0
-"""Units between nodes: while the belief is a list of few states; while it is not, or the lab is too large."""
+"""Units between nodes: while the belief is a list of few states; while it is not."""
 _LARGEST = 50.0 * 50.0
-"""Units squared of a lab with a fine lattice. The filter uses it only for a list of states, so a cycle costs
-the same in any lab; but its tables and room take up to 0.1 MB a square unit that is free."""
+"""Units squared of a lab with fine tables of all of it. The filter uses them only for a list of states, so a
+cycle costs the same in any lab; but they and their room take up to 0.1 MB a square unit that is free. Larger
+labs have `ciberrato.localization.tables.tiled`."""
 
 
 def fine_resolution(lab: Lab) -> float:
-    """Return the finest resolution with which a lab is followed.
+    """Return the finest resolution of tables of all of a lab.
 
     Parameters
     ----------
@@ -67,6 +68,9 @@ class PoseTables:
         For each sensor its table and by how many steps its axis is ahead of the robot's heading.
     fractions : tuple of float
         Degrees by which the directions of each table are ahead of multiples of the step.
+    whole : PoseTables or None
+        Of a part of a lab (`ciberrato.localization.tables.tiled`): tables of all of it, on another lattice,
+        whose frequencies and symmetries count. None: these are of all of it.
     """
 
     __repr__ = short_repr
@@ -76,11 +80,19 @@ class PoseTables:
     codes: tuple[Codes, ...]
     sensors: tuple[tuple[int, int], ...]
     fractions: tuple[float, ...] = ()
+    whole: PoseTables | None = None
     _turns: list[list[Turn]] = field(default_factory=list)
     _shares: list[NDArray[np.float64]] = field(default_factory=list)
 
+    @property
+    def everywhere(self) -> PoseTables:
+        """Tables of all of the lab: these, if they are."""
+        return self.whole or self
+
     def symmetries(self, lab: Lab) -> list[Turn]:
         """Return the turns under which the lab looks the same; found once."""
+        if self.whole is not None:
+            return self.whole.symmetries(lab)
         if not self._turns:
             lattice = self.lattice
             walls = WallMap.from_lab(lab)
@@ -101,6 +113,8 @@ class PoseTables:
     @property
     def code_shares(self) -> list[NDArray[np.float64]]:
         """Frequencies of the codes in each table; shape (256,) each."""
+        if self.whole is not None:
+            return self.whole.code_shares
         if not self._shares:
             self._shares.extend(_shares(codes[: len(codes) // 2]) for codes in self.codes)
         return self._shares

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ciberrato.arrays import Floats
 from ciberrato.infrared.model import CONTACT, SATURATION, reading_log_likelihood
+from ciberrato.localization.belief import compiled
 
 Codes = NDArray[np.uint8]
 
@@ -124,6 +125,10 @@ def encode(distances: Floats) -> Codes:
     """
     codes, greatest = _code_steps()
     distances = np.ascontiguousarray(distances, np.float64)
+    kernels = compiled.kernels()
+    if kernels is not None and distances.ndim == 2:
+        coded: Codes = kernels.encode(distances, codes, greatest, _SHIFT, _NEAREST)
+        return coded
     # The leading bits of a double grow with it, and no two codes begin between two neighbours among them.
     index = distances.view(np.int64) >> _SHIFT
     index -= _NEAREST

@@ -71,7 +71,7 @@ class TableWorker:
         self.coarse: PoseTables | None = None
         """As soon as they are there."""
         self.fine: PoseTables | None = None
-        """Never there in a lab that is too large."""
+        """Never there in a lab that is too large: its filter computes tiles."""
         self.seconds: dict[str, float] = {}
         """Time from `start` until each part was there: ``coarse``, ``fine``, ``loops``."""
         self.megabytes = 0.0
