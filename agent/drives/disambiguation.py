@@ -323,7 +323,7 @@ def _ground_apart(x: Floats, y: Floats, targets: Sequence[Target]) -> Floats:
         beyond = np.hypot(x - target.x, y - target.y).T - (target.radius - ROBOT_RADIUS)
         inside, outside = beyond < -_PLACE, beyond > _PLACE
         differ |= inside[:, :, np.newaxis] & outside[:, np.newaxis]
-    return _GROUND * (differ | differ.transpose(0, 2, 1))
+    return np.asarray(_GROUND * (differ | differ.transpose(0, 2, 1)), np.float64)
 
 
 def _gain(weights: Floats, evidence: Floats) -> Floats:

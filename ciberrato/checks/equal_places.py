@@ -29,6 +29,8 @@ _MOST_ROOMS = 40
 _PLACES = 300
 _DIRECTIONS = np.arange(12) * (math.pi / 6.0) + 0.123
 _EQUAL = 0.02  # units
+_NEARLY = 0.1  # units
+_SHIFT = 0.01
 _AT = 0.15  # units from a node of the room that a pose is in
 
 
@@ -41,7 +43,8 @@ class Room:
     part : int
         Its number in the free space.
     x, y : float
-        Mean of its places, in units.
+        Its middle, in units: what turns leave in place where it is equal to itself; what is taken onto the
+        middle of its like where rooms are equal; else the mean of its places.
     kind : int
         Equal rooms are of one kind.
     angle : float
@@ -84,15 +87,24 @@ def equal_rooms(lab: Lab, space: FreeSpace, noise: float = 0.1) -> list[Room]:
         for first, known in firsts:
             if not _as_large(places, known):
                 continue
-            turns = [
-                turn for turn in _TURNS if _same(lab, space, known, (first.x, first.y), (x, y), turn, noise)
-            ]
-            if turns:
-                found.append(Room(part, x, y, first.kind, turns[0], first.symmetries))
-                break
+            centre = (first.x, first.y)
+            for turn in _TURNS:
+                onto = _aligned(space, known, centre, (x, y), turn)
+                if _same(lab, space, known, centre, onto, turn, noise):
+                    found.append(Room(part, *onto, first.kind, turn, first.symmetries))
+                    break
+            else:
+                continue
+            break
         else:
-            turns = [turn for turn in _TURNS[1:] if _same(lab, space, places, (x, y), (x, y), turn, noise)]
-            firsts.append((Room(part, x, y, len(firsts), 0.0, (0.0, *turns)), places))
+            centre = (x, y)
+            for turn in _TURNS[1:]:
+                onto = _aligned(space, places, (x, y), (x, y), turn)
+                if _same(lab, space, places, (x, y), onto, turn, noise):
+                    centre = _fixed((x, y), onto, turn)
+                    break
+            turns = [turn for turn in _TURNS[1:] if _same(lab, space, places, centre, centre, turn, noise)]
+            firsts.append((Room(part, *centre, len(firsts), 0.0, (0.0, *turns)), places))
             found.append(firsts[-1][0])
     return found
 
@@ -148,6 +160,38 @@ def _moved(
     return np.asarray((places - centre) @ np.array([[cosine, sine], [-sine, cosine]]) + onto)
 
 
+def _aligned(
+    space: FreeSpace,
+    places: NDArray[np.float64],
+    centre: tuple[float, float],
+    onto: tuple[float, float],
+    turn: float,
+) -> tuple[float, float]:
+    """Return where a turn takes the centre so that the distances to walls fit best, near a first guess.
+
+    The mean of a room's places is out by some hundredths, as their lattice is not turned with it.
+    """
+    here = places[:: max(len(places) // _PLACES, 1)]
+    before, at = space.walls.distance(*here.T), np.array(onto)
+    for _ in range(3):
+        there = _moved(here, centre, (float(at[0]), float(at[1])), turn)
+        after = space.walls.distance(*there.T)
+        if (np.abs(after - before) < _NEARLY).mean() < ALL:
+            break
+        slopes = [(space.walls.distance(*(there + by).T) - after) / _SHIFT for by in _SHIFT * np.eye(2)]
+        change, *_ = np.linalg.lstsq(np.stack(slopes, axis=1), before - after, rcond=None)
+        at = at + np.clip(change, -_NEARLY, _NEARLY)
+    return float(at[0]), float(at[1])
+
+
+def _fixed(centre: tuple[float, float], onto: tuple[float, float], turn: float) -> tuple[float, float]:
+    """Return the point that a turn which takes a centre onto a place leaves where it is."""
+    cosine, sine = math.cos(turn), math.sin(turn)
+    rotation = np.array([[cosine, -sine], [sine, cosine]])
+    fixed = np.linalg.solve(np.eye(2) - rotation, np.array(onto) - rotation @ np.array(centre))
+    return float(fixed[0]), float(fixed[1])
+
+
 def _same(
     lab: Lab,
     space: FreeSpace,
@@ -163,12 +207,14 @@ def _same(
     walls = space.walls
     if (np.abs(walls.distance(*here.T) - walls.distance(*there.T)) < _EQUAL).mean() < ALL:
         return False
+    everywhere = _moved(places, centre, onto, turn)
     for target in lab.targets:
-        inside = [
-            np.hypot(each[:, 0] - target.x, each[:, 1] - target.y) <= target.radius - ROBOT_RADIUS
-            for each in (here, there)
-        ]
-        if (inside[0] != inside[1]).mean() > 1.0 - ALL:
+        before, after = (
+            np.hypot(each[:, 0] - target.x, each[:, 1] - target.y) - (target.radius - ROBOT_RADIUS)
+            for each in (places, everywhere)
+        )
+        # One place is enough, if it is not on the rim.
+        if ((before < -_NEARLY) & (after > _NEARLY) | (after < -_NEARLY) & (before > _NEARLY)).any():
             return False
     with np.errstate(invalid="ignore"):  # nothing seen from a place that is no place for a robot
         seen, after = (

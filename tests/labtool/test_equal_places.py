@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -97,3 +98,40 @@ def test_check_names_rooms_that_are_equal_turned_round():
         if rooms:
             assert "look the same turned by 180°" in str(rooms[0])
             assert "no robot can tell in which of them it is" in str(rooms[0])
+
+
+def test_a_room_turned_by_a_third_is_found_though_the_lattice_is_not_turned():
+    corners = [
+        (10.0 + 8.0 * math.cos(k * math.pi / 3), 9.0 + 8.0 * math.sin(k * math.pi / 3)) for k in range(6)
+    ]
+    outer = [(10.0 + 8.6 * (x - 10.0) / 8.0, 9.0 + 8.6 * (y - 9.0) / 8.0) for x, y in corners]
+    sides = tuple(
+        Wall(height=4.0, corners=(corners[k], corners[k - 1], outer[k - 1], outer[k])) for k in range(6)
+    )
+    pillars = tuple(
+        Wall(
+            height=4.0,
+            corners=tuple((x + 0.4 * math.cos(t + q), y + 0.4 * math.sin(t + q)) for q in (0, 2, 4)),
+        )
+        for t in (0.4, 0.4 + 2.0 * math.pi / 3.0, 0.4 + 4.0 * math.pi / 3.0)
+        for x, y in [(10.0 + 3.0 * math.cos(t), 9.0 + 3.0 * math.sin(t))]
+    )
+    pose = (11.0, 12.0, 0.2)
+    for walls, number in ((sides + pillars, 2), (sides + pillars[:2], 0)):
+        lab = Lab(name="hexagon", width=20.0, height=18.0, walls=walls)
+        space = free_space(lab)
+        inner = [room for room in equal_rooms(lab, space) if abs(room.x - 10.0) + abs(room.y - 9.0) < 0.5]
+        found = equal_poses(space, inner, pose)
+        assert len(found) == number
+        if found:
+            assert math.hypot(inner[0].x - 10.0, inner[0].y - 9.0) < 1e-3
+            readings = [readings_at(lab, each) for each in (pose, *found)]
+            np.testing.assert_allclose(readings[1], readings[0], atol=0.01)
+            np.testing.assert_allclose(readings[2], readings[0], atol=0.01)
+            # A target is small, but the ground sensor tells in one of three equal places.
+            marked = dataclasses.replace(lab, targets=(Target(x=10.0, y=11.0, radius=0.9),))
+            assert not any(len(room.symmetries) > 1 for room in equal_rooms(marked, space) if room.kind == 0)
+
+
+def readings_at(lab, pose):
+    return ideal_reading(sensor_distances(WallMap.from_lab(lab), pose[0], pose[1], pose[2] + ANGLES))

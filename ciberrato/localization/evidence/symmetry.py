@@ -322,4 +322,4 @@ class SymmetryCheck:
             As of `share`.
         """
         weights = np.exp(-np.clip(self._evidence + besides, -50.0, 50.0))
-        return np.append(1.0, weights) / (1.0 + weights.sum())
+        return np.asarray(np.append(1.0, weights) / (1.0 + weights.sum()))
