@@ -7,6 +7,7 @@ here, too: the target is for one that does not.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 import re
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.measure import Row
+from ciberrato.files.run_log import read_run
 from ciberrato.labs import find_grid, find_lab
 
 LABS = os.environ.get("CIBERRATO_LABS")
@@ -42,6 +44,8 @@ class Live:
     answered: int = 0
     late: int = 0
     """Answers that took longer than half a cycle."""
+    first: int = 0
+    """Messages not answered in the first ten cycles."""
 
     @property
     def note(self) -> str:
@@ -117,9 +121,11 @@ def run(lab: str, compiled: str, cycle_time: int, cache: Path, *, cycles: int = 
         finally:
             simulator.send_signal(signal.SIGTERM)
             simulator.communicate()
-    if agent.returncode != 0:
-        raise RuntimeError(agent.stderr)
-    return parse(agent.stderr)
+        if agent.returncode != 0:
+            raise RuntimeError(agent.stderr)
+        begin = [cycle for cycle in read_run(Path(folder) / "run.jsonl").cycles if cycle.time < 10]
+    live = parse(agent.stderr)
+    return dataclasses.replace(live, first=sum(cycle.start and not cycle.answered for cycle in begin))
 
 
 def grid_of(lab: str) -> str:

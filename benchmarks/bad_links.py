@@ -150,7 +150,7 @@ def run(condition: Condition, lab_name: str, drive_name: str, seed: int, cycles:
     generator = np.random.default_rng([seed, 0xBAD])
     lab, parameters = read_lab(find_lab(lab_name)), Parameters()
     x, y, heading = _start(lab, generator)
-    grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=heading),))
+    grid = StartGrid(positions=(GridPosition(x=x, y=y, direction_deg=heading),))
     simulation = Simulation(lab, grid, parameters, seed=seed)
     robot = simulation.register(RobotRegistration(name="r", sensor_angles=tuple(enumerate(ANGLES))))
     assert robot is not None

@@ -6,7 +6,7 @@ As a program::
 
 Prints, for each number of busy processes, kind of loops and cycle time, the answers of all runs: the median,
 the slowest hundredth, the slowest, how many took longer than half a cycle, and how many messages were not
-answered. The first runs of each kind have an empty cache if asked for.
+answered, in all and in the first ten cycles. The first runs of each kind have an empty cache if asked for.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ def line(name: str, cycle_time: int, runs: list[Live]) -> str:
         f"{name:24} {len(runs):3d} runs: {medians:6.1f} ms (median), {slow:6.1f} ms (99 %), {most:6.1f} ms "
         f"(most); {sum(live.late for live in runs)} of {sum(live.answered for live in runs)} later than "
         f"{cycle_time / 2:g} ms, in {sum(live.late > 0 for live in runs)} runs; "
-        f"{sum(live.unanswered for live in runs)} not answered; load {os.getloadavg()[0]:.1f}"
+        f"{sum(live.unanswered for live in runs)} not answered, {sum(live.first for live in runs)} of them "
+        f"in the first ten cycles; load {os.getloadavg()[0]:.1f}"
     )
 
 

@@ -2,13 +2,15 @@
 
 Processor time, as it counts on a busy machine, too: what is measured by the wall clock is in
 `benchmarks.simulator_lockstep`. The parts are measured in this process, with clients that answer at once and
-no sockets; the whole in a simulator of its own (Linux). ``python -m benchmarks.lockstep_parts`` prints the
-growth.
+no sockets; the whole in a simulator of its own (Linux), which may use one processor only, so that it does not
+wait awake. ``python -m benchmarks.lockstep_parts`` prints the growth; with ``before FOLDER``, it compares the
+version in another checkout with this one, in turns.
 """
 
 from __future__ import annotations
 
 import math
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measure import Row
-from benchmarks.simulator_lockstep import ANSWER, CYCLES, REGISTRATION, echo, run_cycles
+from benchmarks.simulator_lockstep import ANSWER, CYCLES, REGISTRATION, bare_loop, echo, run_cycles
 from ciberrato.files.lab import read_lab
 from ciberrato.labs import find_lab
 from ciberrato.protocol import Measures, decode_actions, encode
@@ -110,8 +112,8 @@ def rows() -> Iterator[Row]:
         bare = whole = math.inf
         for _ in range(SERIES):
             bare = min(bare, echo(robots)[1])
-            whole = min(whole, run_cycles("udp", robots)[1])
-        places = [GridPosition(x=3.0 + 4 * number, y=3.0, direction=0.0) for number in range(robots)]
+            whole = min(whole, run_cycles("udp", robots, alone=True)[1])
+        places = [GridPosition(x=3.0 + 4 * number, y=3.0) for number in range(robots)]
         parts = _parts(lab, StartGrid(positions=tuple(places)), robots)
         single = single or parts["simulation"]
         yield Row(group=group, who="bare exchange", seconds=bare, note="the same datagrams, nothing done")
@@ -188,16 +190,80 @@ def growth() -> Iterator[str]:
         lab = pillars(walls)
         row = max(1, round(lab.width / 3.0) - 1)
         places = [(1.5 + 3.0 * (number % row), 1.5 + 3.0 * (number // row)) for number in range(robots)]
-        grid = StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=0.0) for x, y in places))
+        grid = StartGrid(positions=tuple(GridPosition(x=x, y=y, direction_deg=0.0) for x, y in places))
         loop = Loop(lab, grid, robots)
-        calls = 20 if walls < 10_000 else 2  # new places take so long there
-        times = np.array([processor_seconds(loop.cycle, calls) for _ in range(40)]) * 1e6
+        times = np.array([processor_seconds(loop.cycle, 20) for _ in range(40)]) * 1e6
         first, later = times[:5].mean(), times[20:].mean()
         yield f"| {robots} | {walls:,} | {first:,.0f} us | {later:,.0f} us | {later / robots:,.0f} us |"
 
 
+_STEP = """
+from benchmarks import lockstep_parts as parts
+from ciberrato.files.lab import read_lab
+from ciberrato.labs import find_lab
+from ciberrato.world.start_grid import GridPosition, StartGrid
+places = [GridPosition(x=3.0 + 4 * number, y=3.0) for number in range({robots})]
+found = parts._parts(read_lab(find_lab("maze")), StartGrid(positions=tuple(places)), {robots})
+print(found["simulation"])
+"""
+
+
+def compare(folder: str, rounds: int = 4) -> Iterator[str]:
+    """Yield lines: a cycle of the version in another checkout, of this one, and of its machine code.
+
+    Beside them the bare exchange, and a loop that does nothing but what a cycle needs.
+
+    All by processor time, in turns: the least of some rounds, and the median in brackets.
+    """
+    yield "| | 1 robot | 5 robots |"
+    yield "| --- | --- | --- |"
+    versions: dict[str, tuple[str | None, tuple[str, ...]]] = {
+        "before": (folder, ()),
+        "now": (None, ()),
+        "now, `--compiled`": (None, ("--compiled",)),
+    }
+    loops = {"a loop that receives, decodes, steps, encodes, sends": False, "the same, machine code": True}
+    cycles: dict[tuple[str, int], list[float]] = {}
+    steps: dict[tuple[str, int], list[float]] = {}
+    for robots in CYCLES:
+        for _ in range(rounds):
+            cycles.setdefault(("bare", robots), []).append(echo(robots)[1])
+            for name, (where, options) in versions.items():
+                seconds = run_cycles("udp", robots, *options, folder=where, alone=True)[1]
+                cycles.setdefault((name, robots), []).append(seconds)
+            for name, compiled in loops.items():
+                cycles.setdefault((name, robots), []).append(bare_loop(robots, compiled=compiled))
+            for name in ("before", "now"):
+                command = [sys.executable, "-c", _STEP.format(robots=robots)]
+                text = subprocess.run(command, cwd=versions[name][0], check=True, capture_output=True).stdout
+                steps.setdefault((name, robots), []).append(float(text))
+
+    def shown(found: dict[tuple[str, int], list[float]], name: str) -> list[str]:
+        times = [np.array(found[name, robots]) * 1e6 for robots in CYCLES]
+        return [f"{each.min():.1f} ({np.median(each):.1f}) us" for each in times]
+
+    yield _line("bare exchange", shown(cycles, "bare"))
+    for name in loops:
+        yield _line(name, shown(cycles, name))
+    for name in versions:
+        yield _line(f"a cycle {name}", shown(cycles, name))
+    for name in ("before", "now"):
+        yield _line(f"plain step {name}", shown(steps, name))
+    for name in versions:
+        for reference in ("before", "now"):
+            ratios = []
+            for robots in CYCLES:
+                beyond = min(cycles[name, robots]) - min(cycles["bare", robots])
+                ratios.append(f"{beyond / (robots * min(steps[reference, 1])):.2f}")
+            yield _line(f"beyond the bare exchange {name}, in plain single steps {reference}", ratios)
+
+
+def _line(title: str, cells: list[str]) -> str:
+    return f"| {' | '.join((title, *cells))} |"
+
+
 if __name__ == "__main__":
-    if sys.argv[1:]:
-        sys.exit(f"usage: python -m benchmarks.{Path(__file__).stem}")
-    for line in growth():
+    if sys.argv[1:] and (len(sys.argv) != 3 or sys.argv[1] != "before"):
+        sys.exit(f"usage: python -m benchmarks.{Path(__file__).stem} [before FOLDER]")
+    for line in compare(sys.argv[2]) if sys.argv[1:] else growth():
         print(line, flush=True)

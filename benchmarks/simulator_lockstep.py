@@ -8,6 +8,7 @@ and fro. The reference sends the same bytes to and fro, and does nothing else.
 from __future__ import annotations
 
 import math
+import os
 import re
 import select
 import socket
@@ -62,9 +63,14 @@ def rows() -> Iterator[Row]:
             )
 
 
-def run_cycles(transport: str, robots: int) -> tuple[float, float]:
-    """Run the simulator once; return the seconds of one cycle, and its processor time."""
-    with simulator(CYCLES[robots], robots) as (port, pid):
+def run_cycles(
+    transport: str, robots: int, *options: str, folder: str | None = None, alone: bool = False
+) -> tuple[float, float]:
+    """Run the simulator once; return the seconds of one cycle, and its processor time.
+
+    Options, folder and `alone` are those of `simulator`.
+    """
+    with simulator(CYCLES[robots], robots, *options, folder=folder, alone=alone) as (port, pid):
         client = _udp_clients if transport == "udp" else _tcp_clients
         seconds, used = client(port, robots, lambda: _processor_seconds(pid))
     return seconds / CYCLES[robots], used / CYCLES[robots]
@@ -79,8 +85,21 @@ def _processor_seconds(pid: int) -> float:
 
 
 @contextmanager
-def simulator(cycles: int, robots: int, *options: str) -> Iterator[tuple[int, int]]:
-    """Run a simulator in a process of its own; yield its port and its process number."""
+def simulator(
+    cycles: int, robots: int, *options: str, folder: str | None = None, alone: bool = False
+) -> Iterator[tuple[int, int]]:
+    """Run a simulator in a process of its own; yield its port and its process number.
+
+    Parameters
+    ----------
+    cycles, robots : int
+    *options : str
+        More options of the command.
+    folder : str or None
+        Checkout of the version to run; None: this one.
+    alone : bool
+        Whether it may use one processor only, and so never waits awake, which takes processor time.
+    """
     with tempfile.TemporaryDirectory() as folder:
         parameters = Path(folder) / "params.xml"
         parameters.write_text(f'<Parameters SimTime="{cycles}" CycleTime="50"/>', encoding="utf-8")
@@ -89,7 +108,15 @@ def simulator(cycles: int, robots: int, *options: str) -> Iterator[tuple[int, in
         command += ["--param", str(parameters), "--lockstep", "--exit-at-end", "--autostart", str(robots)]
         command += ["--bind", "127.0.0.1", "--port", "0", *options]
         quiet = subprocess.DEVNULL
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=quiet, text=True) as process:
+        before = os.sched_getaffinity(0) if alone else None
+        if before is not None:
+            os.sched_setaffinity(0, {max(before)})  # the child inherits it
+        try:
+            process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=quiet, text=True, cwd=folder)
+        finally:
+            if before is not None:
+                os.sched_setaffinity(0, before)
+        with process:
             assert process.stdout is not None
             lines = [process.stdout.readline() for _ in range(3)]
             try:
@@ -171,10 +198,51 @@ for own in sockets:
 """
 
 
-def echo(robots: int) -> tuple[float, float]:
+_BARE_LOOP = """
+import socket, sys, time
+from ciberrato.files.lab import read_lab
+from ciberrato.labs import find_lab
+from ciberrato.protocol import RobotRegistration, decode_actions
+from ciberrato.world.parameters import Parameters
+from simulator_stub.assembly import _parse_inline
+from simulator_stub.simulation import Simulation
+robots, cycles, compiled = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3] == "compiled"
+grid = _parse_inline(";".join(f"{3 + 4 * number},3,0" for number in range(robots)))
+lab = read_lab(find_lab("maze"))
+simulation = Simulation(lab, grid, Parameters(sim_time=0), seed=1, compiled=compiled)
+for _ in range(robots):
+    simulation.register(RobotRegistration())
+simulation.launch()
+sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(robots)]
+for own in sockets:
+    own.bind(("127.0.0.1", 0))
+print(*(own.getsockname()[1] for own in sockets), flush=True)
+addresses = [own.recvfrom(64)[1] for own in sockets]
+for own, address in zip(sockets, addresses):
+    own.connect(address)
+began = time.process_time()
+for _ in range(cycles):
+    for own, data in zip(sockets, simulation.advance_encoded().values()):
+        own.send(data)
+    simulation.end_cycle()
+    simulation.begin_cycle()
+    for robot, own in enumerate(sockets, start=1):
+        simulation.act(robot, decode_actions(own.recv(2048)))
+print(time.process_time() - began, flush=True)
+for own in sockets:
+    own.send(b"end")
+"""
+
+
+def bare_loop(robots: int, *, compiled: bool) -> float:
+    """Return the processor time of a cycle of nothing but receive, decode, step, encode and send."""
+    return echo(robots, _BARE_LOOP, "compiled" if compiled else "plain")[1]
+
+
+def echo(robots: int, code: str = _ECHO, *arguments: str) -> tuple[float, float]:
     """Send and receive the same bytes by another process; return the seconds and its processor time."""
     cycles = CYCLES[robots]
-    command = [sys.executable, "-c", _ECHO, str(robots), str(cycles)]
+    command = [sys.executable, "-c", code, str(robots), str(cycles), *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         ports = [int(text) for text in process.stdout.readline().split()]

@@ -85,7 +85,7 @@ def free_starts(lab: Lab, count: int, rng: np.random.Generator) -> NDArray[np.fl
 def single_seconds(lab: Lab, start: NDArray[np.float64], *, compiled: bool) -> float:
     """Drive one robot; return the seconds of one step."""
     x, y, direction = (float(number) for number in start)
-    grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction),))
+    grid = StartGrid(positions=(GridPosition(x=x, y=y, direction_deg=direction),))
     simulation = Simulation(lab, grid, NOISE, seed=1, compiled=compiled)
     robot = simulation.register(RobotRegistration(name="fast"))
     assert robot is not None

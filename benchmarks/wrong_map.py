@@ -153,7 +153,7 @@ def _parameters(generator: np.random.Generator) -> Parameters:
 def _world(
     name: str, start: tuple[float, float, float], parameters: Parameters, angles: SensorAngles, seed: int
 ) -> tuple[Simulation, int]:
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
     simulation = Simulation(lab_of(name), grid, parameters, seed=seed)
     robot = simulation.register(RobotRegistration(name="held", sensor_angles=tuple(enumerate(angles))))
     assert robot is not None

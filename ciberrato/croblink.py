@@ -215,7 +215,7 @@ class CRobLink:
             return
         self.status = 0
         self._order = MessageOrder(answer.parameters.sim_time)
-        self._pace = Pace(answer.parameters.cycle_time)
+        self._pace = Pace(answer.parameters.cycle_time, lockstep=answer.lockstep)
         self.params = CParameters(answer)
         self.nBeacons, self.simTime = self.params.nBeacons, self.params.simTime
         self._core.accept(answer)

@@ -11,6 +11,7 @@ import secrets
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+from ciberrato import machine_code
 from ciberrato.checks.telling import tell
 from ciberrato.checks.things import start_findings, thing_findings
 from ciberrato.errors import UsageError
@@ -75,10 +76,14 @@ def build_server(
     CiberratoError
         If a file, an option or a port cannot be used.
     """
+    if options.compiled and not machine_code.available():
+        raise UsageError("argument --compiled: needs numba: pip install 'ciberrato[fast]'")
     lab, grid, parameters = read_world(options, notify)
     seed = secrets.randbits(32) if options.seed is None else options.seed
     try:
-        simulation = Simulation(lab, grid, parameters, seed, options.scoring, sensors=options.sensor)
+        simulation = Simulation(
+            lab, grid, parameters, seed, options.scoring, sensors=options.sensor, compiled=options.compiled
+        )
     except ValueError as error:
         raise UsageError(f"argument --sensor: {error}") from None
     kidnapper = _kidnapper(options)
@@ -222,7 +227,9 @@ def _explain_poses(text: str) -> None:
 
 def _parse_inline(text: str) -> StartGrid:
     poses = [[float(number) for number in pose.split(",")] for pose in text.rstrip("; ").split(";")]
-    return StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=degrees) for x, y, degrees in poses))
+    return StartGrid(
+        positions=tuple(GridPosition(x=x, y=y, direction_deg=degrees) for x, y, degrees in poses)
+    )
 
 
 def _kidnapper(options: argparse.Namespace) -> Kidnapper | None:

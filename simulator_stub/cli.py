@@ -51,7 +51,11 @@ def _run(arguments: Sequence[str] | None) -> int:
     def body() -> int:
         options = parse_arguments(arguments)
         # Only now, as these take a tenth of a second to import.
+        from ciberrato.system.process import ask_for_short_slices
         from simulator_stub.assembly import build_server
+
+        if arguments is None and not options.lockstep:
+            ask_for_short_slices()  # a cycle takes a fraction of a millisecond, and should not begin late
 
         notify, warn = _notifier(quiet=options.quiet), _notifier(quiet=False)
         server = build_server(options, print_line=_print_line, notify=notify, warn=warn)

@@ -160,6 +160,12 @@ def _parser() -> argparse.ArgumentParser:
         "usual answer time, up to 1 while it computes",
     )
     pace.add_argument(
+        "--compiled",
+        action="store_true",
+        help="compute cycles in machine code, with the same results; needs the extra fast "
+        "(pip install 'ciberrato[fast]')",
+    )
+    pace.add_argument(
         "--autostart",
         type=_count,
         default=0,

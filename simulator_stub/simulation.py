@@ -8,9 +8,8 @@ around it (`simulator_stub.service`) turn datagrams and time into such calls.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +23,14 @@ from ciberrato.protocol import (
     RobotRegistration,
     RobotStatus,
 )
-from ciberrato.protocol.drafts import MeasuresDraft
 from ciberrato.world.coordinates import SensorAngles
 from ciberrato.world.lab import Beacon, Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
+from simulator_stub.compiled_cycle import CompiledCycle
 from simulator_stub.robot_transitions import next_state
 from simulator_stub.scoring import SCORINGS, Scoring, find_scoring
-from simulator_stub.sensors import SENSORS, Scene, Sensor, fill_in, own_sensors
+from simulator_stub.sensors import SENSORS, Equipment, Scene, Sensor, own_sensors
 from simulator_stub.world.commands import Wanted, messages_of, robot_of
 from simulator_stub.world.motion import move
 from simulator_stub.world.noise import NoiseRoot, Stream
@@ -65,8 +64,8 @@ class Simulation:
         Sensors that others wrote and every robot carries, too: classes, names of entry points
         (``ciberrato.sensors``) or ``module:Class``.
     compiled : bool
-        Compute IR distances in machine code made by numba, the optional extra ``fast``; the results are the
-        same to the last bit.
+        Move and measure in machine code made by numba, the optional extra ``fast``; the results are the same
+        to the last bit.
 
     Attributes
     ----------
@@ -75,6 +74,8 @@ class Simulation:
     gps_offset : (float, float)
         Offset of every GPS in x and y, in units: drawn when a world begins; may be set before the robots
         drive.
+    robots : tuple of Robot
+        Robots in order of their ids, removed ones too: the live records, not to be changed.
     worlds : int
         Number of worlds that have begun: at first, and after each `reset` and `restart`.
 
@@ -107,11 +108,12 @@ class Simulation:
         self._kinds = (*SENSORS, *own_sensors(sensors, [sensor.name for sensor in SENSORS]))
         self._noise = NoiseRoot.from_seed(seed)
         self.worlds = 0
+        self._compiled = CompiledCycle(self.world) if compiled else None
         self._machine = SimulatorStateMachine()
         self._robots: dict[int, Robot] = {}
-        self._sensors: dict[int, tuple[Sensor, ...]] = {}
-        self._updates: dict[int, list[Callable[[Robot, Scene], None]]] = {}  # methods, bound once
-        self._reports: dict[int, list[Callable[[Robot, dict[str, Any]], None]]] = {}
+        self.robots: tuple[Robot, ...] = ()
+        self._present: list[Robot] = []
+        self._equipment: dict[int, Equipment] = {}
         self._carried_beacon: Beacon | None = None
         self._begin_world()
 
@@ -129,11 +131,6 @@ class Simulation:
     def state(self) -> SimulatorState:
         """State of the simulator in the coming call of `step`."""
         return self._machine.current
-
-    @property
-    def robots(self) -> tuple[Robot, ...]:
-        """Robots in order of their ids, removed ones too: the live records, not to be changed."""
-        return tuple(self._robots.values())
 
     def poses(self) -> NDArray[np.float64]:
         """Return the true poses.
@@ -187,6 +184,7 @@ class Simulation:
         if isinstance(registration, RobotBeaconRegistration):
             self._carried_beacon = Beacon(height=registration.height)
         self._robots = dict(sorted(self._robots.items()))
+        self.robots = tuple(self._robots.values())
         self.note_client()
         return robot_id
 
@@ -206,10 +204,8 @@ class Simulation:
             beacons_known=beacons,
         )
         sensors = [sensor(self.world, robot, self._noise) for sensor in self._kinds]
-        present = self._sensors[robot_id] = tuple(sensor for sensor in sensors if sensor.is_present)
-        self._updates[robot_id] = [sensor.update for sensor in present]
-        self._reports[robot_id] = [sensor.report for sensor in present]
-        robot.request_names = frozenset(name for sensor in sensors for name in sensor.request_names)
+        equipment = self._equipment[robot_id] = Equipment(sensors)
+        robot.request_names = equipment.request_names
         return robot
 
     def note_client(self) -> None:
@@ -259,8 +255,8 @@ class Simulation:
         """
         self._noise = self._noise.next_world() if seed is None else NoiseRoot.from_seed(seed)
         self._machine = SimulatorStateMachine()
-        self._robots = {}
-        self._sensors, self._updates, self._reports = {}, {}, {}
+        self._robots, self.robots = {}, ()
+        self._equipment = {}
         self._carried_beacon = None
         self._begin_world()
 
@@ -278,6 +274,7 @@ class Simulation:
             if robot.state is RobotState.REMOVED:
                 fresh.state = RobotState.REMOVED
             self._robots[robot_id] = fresh
+        self.robots = tuple(self._robots.values())
         self._machine = SimulatorStateMachine(SimulatorState.STOPPED)
         self.start()
 
@@ -336,8 +333,9 @@ class Simulation:
     def begin_cycle(self) -> None:
         """Reset what lasts one cycle only."""
         self.restart_requested = False
-        for robot in self._robots.values():
-            robot.begin_cycle(self.world.parameters.requests_per_cycle)
+        limit = self.world.parameters.requests_per_cycle
+        for robot in self.robots:
+            robot.begin_cycle(limit)
 
     def act(self, robot_id: int, actions: Actions) -> None:
         """Apply one message of a robot.
@@ -350,26 +348,46 @@ class Simulation:
 
     def advance(self) -> dict[int, Measures]:
         """Advance the time if the simulator is running; measure in any case."""
-        present = [robot for robot in self._robots.values() if robot.state is not RobotState.REMOVED]
-        running = self.state is SimulatorState.RUNNING
-        if running:
-            self.time += 1
-            move(self.world, present)
-        speakers = [robot for robot in self._robots.values() if robot.said is not None]
+        self._run()
+        buttons, equipment = self._buttons(), self._equipment
+        return {
+            one.robot_id: equipment[one.robot_id].measures(one, self.time, buttons) for one in self._present
+        }
+
+    def advance_encoded(self) -> dict[int, bytes]:
+        """Do the same as `advance`, and return the messages as they are sent."""
+        self._run()
+        buttons, equipment = self._buttons(), self._equipment
+        return {
+            one.robot_id: equipment[one.robot_id].encoded(one, self.time, buttons) for one in self._present
+        }
+
+    def _run(self) -> None:
+        present = self._present = [robot for robot in self.robots if robot.state is not RobotState.REMOVED]
+        running = self._machine.current is SimulatorState.RUNNING
+        self.time += running
+        speakers = [robot for robot in self.robots if robot.said is not None]
         scene = Scene(present, self.time, running, speakers, self.gps_offset)
-        for robot in present:
-            for update in self._updates[robot.robot_id]:
-                update(robot, scene)
+        compiled = self._compiled if running else None
+        if compiled is None or not compiled.run(present, self._equipment, scene):
+            if running:
+                move(self.world, present)
+            for robot in present:
+                for update in self._equipment[robot.robot_id].updates:
+                    update(robot, scene)
         if running:
             for robot in present:
                 if robot.state in MOVING:
                     self.scoring.update(robot, self.time, present)
-        return {robot.robot_id: self._measures(robot) for robot in present}
+
+    def _buttons(self) -> tuple[bool, bool]:
+        coming = self._machine.coming
+        return coming is SimulatorState.RUNNING, coming is SimulatorState.STOPPED
 
     def statuses(self) -> tuple[RobotStatus, ...]:
         """Return what views receive; between `advance` and `end_cycle`, as states change only then."""
         targets = len(self.world.lab.targets)
-        return tuple(robot.status(self.time, targets) for robot in self._robots.values())
+        return tuple(robot.status(self.time, targets) for robot in self.robots)
 
     def end_cycle(self) -> None:
         """Change states: first the simulator's, then the robots'."""
@@ -377,31 +395,17 @@ class Simulation:
         if 0 < limit <= self.time:
             self._machine.handle(SimulatorEvent.TIME_UP)
         self._machine.close_cycle()
-        for robot in self._robots.values():
+        state = self._machine.current
+        for robot in self.robots:
             before = robot.state
-            robot.state = next_state(robot, self.state, self.scoring)
-            if robot.state is RobotState.STOPPED and before is not RobotState.STOPPED:
+            after = next_state(robot, state, self.scoring)
+            if after is before:
+                continue
+            robot.state = after
+            if after is RobotState.STOPPED:
                 robot.remembered_state = before
-            if before is RobotState.STOPPED and robot.state is RobotState.RUNNING and self.time == 0:
+            if before is RobotState.STOPPED and after is RobotState.RUNNING and self.time == 0:
                 self.scoring.begin(robot)
-
-    def _measures(self, robot: Robot) -> Measures:
-        fields: dict[str, Any] = {}
-        for report in self._reports[robot.robot_id]:
-            report(robot, fields)
-        return self._complete(robot, fields)
-
-    def _complete(self, robot: Robot, fields: dict[str, Any]) -> Measures:
-        draft: Any = MeasuresDraft()
-        draft.time = self.time
-        draft.start = self._machine.coming is SimulatorState.RUNNING
-        draft.stop = self._machine.coming is SimulatorState.STOPPED
-        draft.end_led = robot.end_led
-        draft.returning_led = robot.returning_led
-        draft.visiting_led = robot.visiting_led
-        fill_in(draft, fields)
-        measures: Measures = draft.finish()
-        return measures
 
     def readings(self, robot: Robot, *, over: bool = False) -> Measures:
         """Return what the log holds: the last readings, requested or not, and the LEDs.
@@ -412,8 +416,5 @@ class Simulation:
         over : bool
             Whether the time is over, so that both buttons are off.
         """
-        fields: dict[str, Any] = {}
-        for sensor in self._sensors[robot.robot_id]:
-            sensor.record(fields)
-        measures = self._complete(robot, fields)
+        measures = self._equipment[robot.robot_id].readings(robot, self.time, self._buttons())
         return replace(measures, start=False, stop=False) if over else measures

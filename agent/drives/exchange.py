@@ -96,6 +96,19 @@ class Exchange:
         self._judged: deque[tuple[Measures, News]] = deque(maxlen=_JUDGED)
         self._sent: list[_Sent] = []
 
+    def begin(self, *, lockstep: bool, relayed: bool) -> None:
+        """Register what is known of the run when it begins.
+
+        Parameters
+        ----------
+        lockstep : bool
+            Whether the simulator is known to wait for every answer.
+        relayed : bool
+            Whether another process answers: then real time is presumed here as it is there.
+        """
+        self.lockstep, self.is_relayed = lockstep, relayed
+        self.pace = Pace(self._parameters.cycle_time, lockstep=lockstep, presumed=relayed)
+
     @property
     def stale(self) -> int:
         """Messages that were late, doubled or spoilt, and were left out."""

@@ -15,7 +15,11 @@ _SIDE_HALT = 9.0
 _CLOSING = 5.0  # reading to the side, two cycles ahead, from which on to slow down
 _IN_THE_CONE = 1.15
 """Reading at which something that leaves a cone of 60 degrees sideways is within the robot's width."""
-_NOISE_OF_DISTANCE = 0.3  # units
+_FAR = 0.1  # the least reading that tells a distance
+_LOST = 0.25
+"""Units farther than what was seen before: that is not seen any more."""
+_TURNS = math.radians(1.5)
+_TRUST = 0.3  # in a distance that is greater than the remembered one
 _TURNED_AWAY = math.radians(35.0)
 _PASSED = 0.6  # units
 _BRUSH = 5.0  # reading to the side from which on to go no further ahead, where there is room to turn
@@ -47,6 +51,7 @@ class Bumper:
         self._left = [i for i, angle in enumerate(turned) if 35.0 < angle <= 100.0]
         self._right = [i for i, angle in enumerate(turned) if -100.0 <= angle < -35.0]
         self._behind = [i for i, angle in enumerate(turned) if abs(angle) >= 145.0]
+        self._noise = noise
         self._memory = 0.0 if noise < 0.2 else 0.5
         self._smooth: list[float] | None = None
         self._beside = (0.0, 0.0)
@@ -55,6 +60,10 @@ class Bumper:
         self._corner = math.inf
         """Distance to what was ahead, in units."""
         self._corner_turned = 0.0
+        self._turned = 0.0
+        """Radians, positive to the left, since the last readings."""
+        self._sides = [math.inf, math.inf]
+        """Distances to what is to the left and to the right, in units."""
         self.bumped = False
         """Return whether the last leg ended in a collision."""
 
@@ -88,13 +97,32 @@ class Bumper:
         """
         self._corner -= way
         self._corner_turned += turn
+        self._turned += turn
 
     def _remember(self) -> None:
         seen = self._most(self._ahead)
         distance = 1.0 / seen if seen > _IN_THE_CONE else math.inf
         forgotten = self._corner < -_PASSED or abs(self._corner_turned) > _TURNED_AWAY
-        if forgotten or distance < self._corner + _NOISE_OF_DISTANCE:
+        if forgotten or distance < self._corner:
             self._corner, self._corner_turned = distance, 0.0
+        elif distance < self._corner + 2.0 * self._noise * distance**2:
+            # The same within its noise. What is farther is something else, behind it or beside: a wall that
+            # the robot drives along shows at the edge of the cone, always at the same distance, while its end
+            # comes nearer, unseen.
+            self._corner += _TRUST * (distance - self._corner)
+        for side, (reading, towards) in enumerate(((self.left, self._turned), (self.right, -self._turned))):
+            distance, known = 1.0 / max(reading, _FAR), self._sides[side]
+            if distance < known:
+                self._sides[side] = distance
+            elif distance < known + _LOST:
+                self._sides[side] += _TRUST * (distance - known)
+            else:
+                self._sides[side] = distance
+                hides = 1.0 / max(seen, _FAR) > known + _LOST
+                if towards > _TURNS and hides and known < min(1.0 / _IN_THE_CONE, self._corner):
+                    # Between the cones of two sensors nothing is seen.
+                    self._corner, self._corner_turned = known, 0.0
+        self._turned = 0.0
 
     def _most(self, sensors: list[int]) -> float:
         return max((self._smooth[i] for i in sensors), default=0.0) if self._smooth else 0.0

@@ -40,20 +40,23 @@ class AnswererSetup:
     cruise : float
     roams : bool
         See `Reflex`.
+    lockstep : bool
+        Whether the simulator has said that it waits for every answer.
     """
 
     parameters: Parameters
     angles: tuple[float, ...]
     cruise: float
     roams: bool
+    lockstep: bool = False
 
 
 class Answerer:
     """Decides when to send what.
 
     A decision on the newest message is sent at once. Where none comes in time, the message is answered by the
-    latest one there is, as far as that is safe. If the simulator does not keep real time it waits for the
-    agent, and only decisions are sent.
+    latest one there is, as far as that is safe. If the simulator says that it waits for the agent, or does
+    not keep real time, only decisions are sent.
 
     Parameters
     ----------
@@ -70,7 +73,7 @@ class Answerer:
         parameters = setup.parameters
         self._reflex = Reflex(setup.angles, parameters.obstacle_noise, cruise=setup.cruise, roams=setup.roams)
         self._send, self._tell = send, tell
-        self._pace = Pace(parameters.cycle_time)
+        self._pace = Pace(parameters.cycle_time, lockstep=setup.lockstep, presumed=True)
         self._order = MessageOrder(parameters.sim_time)
         self._requests = RequestRota(parameters)
         self._newest: tuple[Measures, float] | None = None

@@ -67,7 +67,7 @@ class LiveController:
         )
         self.cell_entered: tuple[int, int] | None = None
         """The cell that the last message found the robot to have entered, if it did."""
-        self._lockstep = self.exchange.lockstep = lockstep
+        self.exchange.lockstep = lockstep
         self._arrived: float | None = None
         self._cell: tuple[int, int] | None = None
         self._crossings = 0
@@ -89,7 +89,7 @@ class LiveController:
     ) -> tuple[Cycle, Actions | None]:
         """Process one message, see `Controller.observe`."""
         self._arrived = arrived if newest else None
-        if self._lockstep:
+        if self.exchange.lockstep:
             arrived = None
         live, later = self.localizer.live, False
         if self.exchange.is_relayed:

@@ -35,15 +35,16 @@ class Answer:
     Attributes
     ----------
     acceptance : Acceptance
-    following : tuple of bytes
+    following : tuple of Arrival
         Messages that came right behind it.
-    seconds : float
-        From the last attempt to its arrival.
+    sent, arrived : float
+        When the last attempt has left and when it has come, in seconds by the clock that stamps arrivals.
     """
 
     acceptance: Acceptance
-    following: tuple[bytes, ...]
-    seconds: float = 0.0
+    following: tuple[Arrival, ...]
+    sent: float
+    arrived: float
 
 
 def register(
@@ -150,9 +151,7 @@ def _find_answer(
             reporter.warn_once(f"{place} answers, but not like a CiberRato simulator: {error}")
             continue
         if isinstance(message, Acceptance):
-            following = tuple(later.data for later in arrivals[index + 1 :])
-            seconds = max((arrival.time or time.time()) - sent, 0.0)
-            return Answer(message, following, seconds), False
+            return Answer(message, tuple(arrivals[index + 1 :]), sent, arrival.time or time.time()), False
         is_refused |= isinstance(message, Refusal)
     return None, is_refused
 

@@ -8,17 +8,37 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from agent.run.answerer import AnswererSetup
-
 
 class Begin(NamedTuple):
-    """First record to the process: the link, whose socket came before, and what is known of the run."""
+    """First record to the process: the simulator's address, and what is known before the registration.
+
+    The link's socket came before.
+    """
 
     host: str
     port: int
-    peer: tuple[str, int]
-    following: tuple[bytes, ...]
-    setup: AnswererSetup
+    angles: tuple[float, ...]
+    cruise: float
+    roams: bool
+
+
+class Register(NamedTuple):
+    """A registration that is to be sent, if none has been accepted yet."""
+
+    data: bytes
+
+
+class Registered(NamedTuple):
+    """The registration has left, at a moment in seconds by the clock that stamps arrivals."""
+
+    time: float
+
+
+class Peer(NamedTuple):
+    """Address and port from which the simulator has answered."""
+
+    host: str
+    port: int
 
 
 class Decision(NamedTuple):

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from agent.drives.exchange import Answered
 from agent.run.channel import Channel
-from agent.run.relay_records import Begin, Decision, End, Fault
+from agent.run.relay_records import Begin, Decision, End, Fault, Peer, Register, Registered
 from ciberrato.net.link import Arrival, LinkError
 from ciberrato.processes import module_command
 from ciberrato.system.sockets import CAN_HAND_OVER, send_socket, start_with_channel
 
 if TYPE_CHECKING:
-    from agent.run.answerer import AnswererSetup
     from ciberrato.net.udp import UdpLink
 
 _PATIENCE = 2.0
@@ -39,6 +38,9 @@ class RelayedLink:
         self._process, self._channel, self._link = process, channel, link
         self._told: list[Answered] = []
         self._fault: str | None = None
+        self._kept: list[Arrival] = []
+        self.registered: float | None = None
+        """When the process has sent the last registration, in seconds by the clock that stamps arrivals."""
         self.is_released = False
         """Whether the agent has ended the process."""
 
@@ -48,8 +50,12 @@ class RelayedLink:
         return not self._channel.ended
 
     def register(self, data: bytes) -> None:
-        """Send a registration; see `Link.register`. A relayed link has registered already."""
-        self._link.register(data)
+        """Send a registration, as soon as the process is ready to answer; see `Link.register`."""
+        if self.answers:
+            self._channel.send(Register(data))
+        else:
+            self._link.register(data)
+        self._complain()
 
     def send(self, data: bytes) -> None:
         """Send a message past the process, once it has ended; see `Link.send`."""
@@ -75,6 +81,9 @@ class RelayedLink:
             self._channel.send(Decision(time, data))
         else:
             self._link.send(data)
+        self._complain()
+
+    def _complain(self) -> None:
         if self._fault is not None:
             fault, self._fault = self._fault, None
             raise LinkError(fault)
@@ -94,17 +103,25 @@ class RelayedLink:
 
     def receive_arrivals(self) -> list[Arrival]:
         """Return them with the times of their arrival; see `Link.receive_arrivals`."""
-        arrivals: list[Arrival] = []
+        if not self.is_released:
+            self._read()
+        arrivals, self._kept = self._kept, []
+        if self._channel.ended:
+            arrivals += self._link.receive_arrivals()
+        return arrivals
+
+    def _read(self) -> None:
         for record in self._channel.receive():
             if isinstance(record, Answered):
                 self._told.append(record)
             elif isinstance(record, Fault):
                 self._fault = record.text
+            elif isinstance(record, Registered):
+                self.registered = record.time
+            elif isinstance(record, Peer):
+                self._link.peer = (record.host, record.port)
             else:
-                arrivals += record
-        if self._channel.ended:
-            arrivals += self._link.receive_arrivals()
-        return arrivals
+                self._kept += record
 
     def fileno(self) -> int:
         """Return the descriptor that becomes readable when something arrives."""
@@ -119,7 +136,10 @@ class RelayedLink:
         self._channel.close()
 
     def release(self) -> None:
-        """End the process: nothing that it would send may come after what the agent sends itself."""
+        """End the process: nothing that it would send may come after what the agent sends itself.
+
+        What it has received until then is still there to be received.
+        """
         if self._process.returncode is not None:
             return
         self.is_released = True
@@ -130,7 +150,7 @@ class RelayedLink:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self._told += [one for one in self._channel.receive() if isinstance(one, Answered)]
+        self._read()
         self._channel.close()
 
     def close(self) -> None:
@@ -145,21 +165,23 @@ class Relay:
     def __init__(self) -> None:
         self.process, self._socket = start_with_channel(module_command("agent.run.answering"))
 
-    def take_over(self, link: UdpLink, following: tuple[bytes, ...], setup: AnswererSetup) -> RelayedLink:
-        """Send the link to the process, and return the agent's end.
+    def take_over(
+        self, link: UdpLink, angles: tuple[float, ...], cruise: float, *, roams: bool
+    ) -> RelayedLink:
+        """Send a link that has not registered yet to the process, and return the agent's end.
 
         Parameters
         ----------
         link : UdpLink
-            A simulator has accepted the robot on it.
-        following : tuple of bytes
-            Messages that were received behind the acceptance.
-        setup : AnswererSetup
+        angles : tuple of float
+            Mounting angles of the IR sensors in degrees.
+        cruise : float
+        roams : bool
+            See `agent.drives.reflex.Reflex`.
         """
-        assert link.peer is not None
         send_socket(self._socket, link.endpoint)
         channel = Channel(self._socket)
-        channel.send(Begin(*link.main, link.peer, following, setup))
+        channel.send(Begin(*link.main, angles, cruise, roams))
         return RelayedLink(self.process, channel, link)
 
     def close(self) -> None:

@@ -83,14 +83,16 @@ class Session:
     def _run(self) -> int:
         settings = self._settings
         link = _open_link(settings)
+        relayed: RelayedLink | None = None
         try:
+            relayed = self._hand_over(link)
             registration = RobotRegistration(
                 name=settings.name,
                 robot_id=settings.position,
                 sensor_angles=tuple(enumerate(settings.angles)),
             )
             answer = register(
-                link,
+                relayed or link,
                 registration,
                 f"{settings.host}:{settings.port}",
                 self._interrupts,
@@ -99,12 +101,16 @@ class Session:
                 when_sent=self._method.begin,
                 patient=settings.reconnect,
             )
-            reason = "interrupted" if answer is None else self._drive(link, answer)
+            if relayed is not None and (answer is None or answer.acceptance.lockstep):
+                relayed.release()  # in lockstep there is nothing to answer in time
+            reason = "interrupted" if answer is None else self._drive(link, relayed, answer)
             return self._finish(link, reason)
         finally:
+            if relayed is not None:
+                relayed.release()
             link.close()
 
-    def _drive(self, link: Link, answer: Answer) -> str:
+    def _drive(self, link: Link, relayed: RelayedLink | None, answer: Answer) -> str:
         """Answer Measures until something ends the run; return what."""
         import hashlib
 
@@ -112,7 +118,13 @@ class Session:
         from ciberrato.files.run_records import RunHeader
 
         settings, parameters = self._settings, answer.acceptance.parameters
-        relayed = self._hand_over(link, answer)
+        waiting = list(answer.following)
+        sent = answer.sent
+        if relayed is not None:
+            sent = relayed.registered or sent
+            if relayed.is_released:
+                waiting += relayed.receive_arrivals()
+                relayed = None
         self._header = RunHeader(
             lab_name=settings.lab_file.name,
             lab_sha256=hashlib.sha256(settings.lab_data).hexdigest(),
@@ -128,19 +140,17 @@ class Session:
             precision=settings.precision,
         )
         self._method.announce(self._header)
-        self._announce()
+        self._announce(lockstep=answer.acceptance.lockstep)
         try:
             writer = RunWriter(settings.log, self._header)
         except OSError as error:
             raise UsageError(f"{settings.log}: cannot be written: {error.strerror}") from None
         controller = self._method.controller(self._header)
         self._exchange = exchange = controller.exchange
-        exchange.lockstep = self._settings.lockstep
+        exchange.begin(lockstep=answer.acceptance.lockstep or settings.lockstep, relayed=relayed is not None)
         # The simulator answers a registration in its next cycle: what is beyond that was spent on the way.
-        exchange.round_trip = max(answer.seconds - exchange.pace.seconds, 0.0)
-        exchange.is_relayed = relayed is not None
+        exchange.round_trip = max(answer.arrived - sent - exchange.pace.seconds, 0.0)
         with writer:
-            waiting = [Arrival(data, None) for data in answer.following if relayed is None]
             try:
                 reason = self._answer_measures(relayed or link, controller, writer, waiting)
             finally:
@@ -176,6 +186,11 @@ class Session:
             taken = [(self._decode(arrival.data), arrival.time) for arrival in waiting]
             measures = [(message, arrived) for message, arrived in taken if isinstance(message, Measures)]
             news = exchange.news(measures)
+            if relayed is not None and not exchange.pace.is_real_time:
+                self._reporter.warn_once(
+                    f"Measures do not come every {self._header.parameters.cycle_time} ms: the simulator is "
+                    "taken to wait for answers, or to be faster than real time"
+                )
             for number, (message, arrived) in enumerate(news, start=1):
                 newest = number == len(news)
                 self._record_held(exchange.command_in_effect(arrived, message.time), writer)
@@ -219,22 +234,14 @@ class Session:
                 self.lost_contact = True
                 return str(error)
 
-    def _hand_over(self, link: Link, answer: Answer) -> RelayedLink | None:
-        """Send the link to the process that is to answer from now on, if there is one."""
+    def _hand_over(self, link: Link) -> RelayedLink | None:
+        """Send the link to the process that is to register and to answer, if there is one."""
         from ciberrato.net.udp import UdpLink
 
         if self._relay is None or not isinstance(link, UdpLink):
             return None
-        from agent.run.answerer import AnswererSetup
-
         settings = self._settings
-        setup = AnswererSetup(
-            parameters=answer.acceptance.parameters,
-            angles=settings.angles,
-            cruise=settings.cruise,
-            roams=self._method.drives,
-        )
-        return self._relay.take_over(link, answer.following, setup)
+        return self._relay.take_over(link, settings.angles, settings.cruise, roams=self._method.drives)
 
     def _hear(self, link: Link, exchange: Exchange) -> RelayedLink | None:
         """Record what another process has sent; return the link, if it goes on with that."""
@@ -329,7 +336,7 @@ class Session:
                     time.sleep(self._exchange.pace.seconds)
                     link.send(stop)
 
-    def _announce(self) -> None:
+    def _announce(self, *, lockstep: bool) -> None:
         assert self._header is not None
         parameters = self._header.parameters
         length = f"{parameters.sim_time} cycles" if parameters.sim_time else "no time limit"
@@ -337,6 +344,8 @@ class Session:
             f"registered as {self._header.robot_name!r} at {self._settings.host}:{self._settings.port}; "
             f"noise: motors {parameters.motors_noise:g} %, compass {parameters.compass_noise:g} degrees, "
             f"IR {parameters.obstacle_noise:g}; cycle {parameters.cycle_time} ms; {length}"
+            + "; in lockstep: the simulator waits for answers"
+            * lockstep
         )
 
 

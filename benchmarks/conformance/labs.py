@@ -186,7 +186,7 @@ def grid_difference(grid: StartGrid, record: dict[str, Any]) -> float:
         max(
             abs(ours.x - theirs["x"]),
             abs(ours.y - theirs["y"]),
-            abs(math.radians(ours.direction) - theirs["dir_rad"]),
+            abs(math.radians(ours.direction_deg) - theirs["dir_rad"]),
         )
         for ours, theirs in zip(grid.positions, record["positions"], strict=True)
     ]

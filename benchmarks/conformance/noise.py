@@ -112,7 +112,7 @@ def _simulation(meta: dict[str, Any], lab: Lab) -> Simulation:
     attributes = " ".join(f'{key}="{value}"' for key, value in meta["param"].items())
     parameters = parse_parameters(f"<Parameters {attributes}/>".encode(), "meta.json")
     x, y, direction = meta["pose"]
-    grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction),))
+    grid = StartGrid(positions=(GridPosition(x=x, y=y, direction_deg=direction),))
     simulation = Simulation(lab, grid, replace(parameters, sim_time=0), SEED + meta.get("pid_seed", 0))
     simulation.register(RobotRegistration())
     simulation.launch()

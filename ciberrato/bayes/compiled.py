@@ -8,6 +8,7 @@ from numpy's by rounding: each function that uses the loops says by how much, an
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -38,6 +39,11 @@ def kernels(states: int) -> ModuleType | None:
         Of the belief. What a small one gets does not depend on whether there was a large one before.
     """
     return _active or (_for_large if states >= LARGE else None)
+
+
+def loaded() -> ModuleType | None:
+    """Return the compiled loops if they are loaded, for what they do to the last bit as numpy."""
+    return _active or _for_large
 
 
 def use(module: ModuleType | None) -> None:
@@ -116,3 +122,8 @@ def _cores() -> int:
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(_cores(), "ciberrato-bayes")
+
+
+if hasattr(os, "register_at_fork"):
+    # A forked process has none of the threads, and would wait for them without end.
+    os.register_at_fork(after_in_child=_pool.cache_clear)

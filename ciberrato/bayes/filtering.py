@@ -121,12 +121,13 @@ def update(
         raise ValueError(
             f"no policy {on_impossible!r} for impossible readings; choose one of {', '.join(POLICIES)}"
         )
-    if belief.dtype == np.float32:
-        return update_single(belief, log_likelihood, on_impossible, out)
-    if belief.size and compiled.kernels(belief.size) is not None:
-        result = _update_compiled(belief, log_likelihood, out)
+    machine_code = belief.size and compiled.kernels(belief.size) is not None
+    if machine_code or (belief.size >= compiled.LARGE and belief.dtype == np.float64):
+        result = _update_large(belief, log_likelihood, out)
         if result is not None:
             return result
+    if belief.dtype == np.float32:
+        return update_single(belief, log_likelihood, on_impossible, out)
     least, most = belief_bounds(belief, massless=True)
     lowest = float(np.minimum.reduce(log_likelihood, axis=None, initial=np.inf))
     best = float(np.maximum.reduce(log_likelihood, axis=None, initial=-np.inf))
@@ -160,32 +161,81 @@ def update(
     return Update.of(_written(weights, out), log_evidence, lost)
 
 
-def _update_compiled(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
-    """Return what `update` does, by machine code; None where it is not plain that it can."""
+def _products(
+    belief: FloatArray,
+    scores: FloatArray,
+    best: float,
+    far: float,
+    least: float,
+    floor: float,
+    most: float,
+    out: FloatArray,
+    begin: int,
+    end: int,
+) -> tuple[float, int, int]:
+    """Do what the machine code's `products` does, in double precision: in pieces that stay in the cache."""
+    total, small, wrong = [], 0, 0
+    for first in range(begin, end, _PIECE):
+        piece = slice(first, min(first + _PIECE, end))
+        held, part = belief[piece], out[piece]
+        score = np.subtract(scores[piece], best, dtype=np.float64)
+        np.maximum(score, far, out=part)
+        np.exp(part, out=part)
+        np.multiply(part, held, out=part)
+        if score.min() < far:
+            np.multiply(part, score >= far, out=part)
+        low = part < least
+        if low.any():
+            small += int(np.count_nonzero(low & (held > 0.0) & (score > -np.inf)))
+        wrong += not (held.min() >= 0.0 and held.max() <= most)
+        total.append(float(part.sum()))
+    return math.fsum(total), small, wrong
+
+
+def _update_large(belief: FloatArray, log_likelihood: FloatArray, out: FloatArray | None) -> Update | None:
+    """Return what `update` does, in few passes, by machine code if loaded; None if not plain."""
     loops: Any = compiled.kernels(belief.size)
-    best = float(np.maximum.reduce(log_likelihood, axis=None))
     flat, scores = np.ascontiguousarray(belief).ravel(), np.ascontiguousarray(log_likelihood).ravel()
+    size = flat.size
+    if loops is None:
+        best = float(scores.max())
+    else:
+        best = float(
+            np.max(compiled.share(lambda begin, end: loops.greatest(scores, begin, end), size, size))
+        )
     if not -math.inf < best < math.inf:
         return None
-    weights = np.empty(belief.shape)
-    products = weights.ravel()
-    greatest = 1e300 / flat.size
+    fits = out is not None and out.flags.c_contiguous and out.dtype == belief.dtype
+    if out is not None and fits and not (np.may_share_memory(out, flat) or np.may_share_memory(out, scores)):
+        weights = out
+    else:
+        weights = np.empty(belief.shape, dtype=belief.dtype)
+    products = weights.reshape(-1)
+    single = belief.dtype == np.float32
+    # In single precision, what is too small for all digits becomes zero, and is lost.
+    given = (_FAR_SINGLE, _LEAST_SINGLE, _LEAST_SINGLE) if single else (_FAR, _PLAIN_LEAST, 0.0)
+    of_part: Any = _products if loops is None else loops.products
     parts = compiled.share(
-        lambda begin, end: loops.products(
-            flat, scores, best, _FAR, _PLAIN_LEAST, greatest, products, begin, end
+        lambda begin, end: of_part(
+            flat, scores, best, *map(float, given), 1e300 / size, products, begin, end
         ),
-        flat.size,
-        flat.size,
+        size,
+        size,
     )
-    total = math.fsum(part[0] for part in parts)
-    if any(part[2] for part in parts) or not _SAFE_TOTAL < total < _PLAIN_TOTAL:
+    total, lost = math.fsum(part[0] for part in parts), int(sum(part[1] for part in parts))
+    least, most = (_LEAST_TOTAL, 1e30) if single else (_SAFE_TOTAL, _PLAIN_TOTAL)
+    if any(part[2] for part in parts) or not least < total < most:
         return None
     log_evidence = best + math.log(total)
-    if any(part[1] for part in parts):
+    if lost and not single:
         lost = _finish(weights, total, belief, log_likelihood, float(belief.max()), log_evidence)
-        return Update.of(_written(weights, out), log_evidence, lost)
-    compiled.share(lambda begin, end: loops.scale(products, 1.0 / total, begin, end), flat.size, flat.size)
-    return Update(_written(weights, out), log_evidence)
+    else:
+        factor = belief.dtype.type(1.0 / total)
+        if loops is None:
+            np.multiply(products, factor, out=products)
+        else:
+            compiled.share(lambda begin, end: loops.scale(products, factor, begin, end), size, size)
+    return Update.of(_written(weights, out), log_evidence, lost)
 
 
 def update_single(

@@ -167,7 +167,7 @@ class Controls:
     def _begin(self, acceptance: Acceptance) -> None:
         self._core.accept(acceptance)
         self._recorder.begin(self._core)
-        self._pace = Pace(acceptance.parameters.cycle_time)
+        self._pace = Pace(acceptance.parameters.cycle_time, lockstep=acceptance.lockstep)
         self._begin_to_wait()
         self._timeout = max(self._timeout, _SILENT_CYCLES * acceptance.parameters.cycle_time / 1000.0)
 

@@ -24,12 +24,18 @@ class Pace:
     ----------
     cycle_time : float
         Milliseconds, as announced.
+    lockstep : bool
+        Whether the simulator has said that it waits for every answer.
+    presumed : bool
+        Whether a simulator that has not said so keeps real time, until its messages show another pace: the
+        real simulator always does. Otherwise the first messages tell nothing.
     """
 
-    def __init__(self, cycle_time: float) -> None:
+    def __init__(self, cycle_time: float, *, lockstep: bool = False, presumed: bool = False) -> None:
         self.seconds = cycle_time / 1000.0
         """A cycle takes."""
-        self._lockstep = bool(os.environ.get(LOCKSTEP_VARIABLE))
+        self._lockstep = lockstep or bool(os.environ.get(LOCKSTEP_VARIABLE))
+        self._presumed = presumed
         self._heard: deque[tuple[float, int]] = deque(maxlen=_LOOKED_AT)
 
     def heard(self, now: float, time: int) -> None:
@@ -50,13 +56,13 @@ class Pace:
     @property
     def is_known(self) -> bool:
         """Return whether enough messages have been heard to tell real time from any other pace."""
-        return self._lockstep or len(self._heard) >= _LEAST
+        return self._lockstep or self._presumed or len(self._heard) >= _LEAST
 
     @property
     def is_real_time(self) -> bool:
-        """Return whether cycles take about as long as announced; False before that is known."""
-        if self._lockstep or not self.is_known:
-            return False
+        """Return whether cycles take about as long as announced; what is presumed before that is known."""
+        if self._lockstep or len(self._heard) < _LEAST:
+            return self._presumed and not self._lockstep
         (first, begin), (last, end) = self._heard[0], self._heard[-1]
         nominal = self.seconds * (end - begin)
         return 0.5 * nominal <= last - first <= 2.0 * nominal

@@ -103,7 +103,7 @@ def run_task(task: Task) -> Outcome:
     parameters = _parameters(task)
     generator = np.random.default_rng([task.seed, 0x5EED])
     start = start_pose(task, tables.lattice, generator)
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=math.degrees(start[2])),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=math.degrees(start[2])),))
     simulation = Simulation(lab, grid, parameters, seed=task.seed)
     robot = simulation.register(RobotRegistration(name="judged", sensor_angles=tuple(enumerate(angles))))
     assert robot is not None

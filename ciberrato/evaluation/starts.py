@@ -109,4 +109,4 @@ def _grid_pose(task: Task, lattice: Lattice) -> Pose:
     if not positions:
         raise LabError("its start grid has no place that is free of walls", source=task.lab)
     position = positions[task.seed % len(positions)]
-    return position.x, position.y, math.radians(position.direction)
+    return position.x, position.y, math.radians(position.direction_deg)

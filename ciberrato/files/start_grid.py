@@ -38,7 +38,7 @@ class GridFile:
 
 def default_grid() -> StartGrid:
     """Return the start grid that the real simulator has built in."""
-    return StartGrid(positions=(GridPosition(x=9.0, y=3.0, direction=0.0),))
+    return StartGrid(positions=(GridPosition(x=9.0, y=3.0, direction_deg=0.0),))
 
 
 def read_grid(path: str | Path) -> StartGrid:
@@ -135,7 +135,7 @@ def parse_grid_file(data: bytes, source: str = "grid", *, allow_empty: bool = Fa
             GridPosition(
                 x=reader.real(element, "X", 0.0),
                 y=reader.real(element, "Y", 0.0),
-                direction=reader.real(element, "Dir", 0.0),
+                direction_deg=reader.real(element, "Dir", 0.0),
             )
         )
     if not positions and not allow_empty:

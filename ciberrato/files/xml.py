@@ -23,6 +23,8 @@ from ciberrato.system.opening import open_patiently
 MAX_FILE_SIZE = 16 * 2**20
 """Bytes; a larger file is refused before it is parsed."""
 
+_PIECE = 1 << 16
+
 MAX_FINDINGS = 1000
 """A file with more mistakes is not what it is taken for: it is refused."""
 
@@ -202,8 +204,13 @@ def read_file(path: str | Path) -> bytes:
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"path: {path!r:.60} is not the path of a file")  # open() would take 0 for stdin
     try:
+        pieces, size = [], 0
         with open_patiently(path) as file:
-            data = file.read(MAX_FILE_SIZE + 1)
+            # Asked for all at once it would get a buffer of the largest size for each small file.
+            while size <= MAX_FILE_SIZE and (piece := file.read(_PIECE)):
+                pieces.append(piece)
+                size += len(piece)
+        data = b"".join(pieces)
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file; check the path") from None
     except IsADirectoryError:

@@ -12,9 +12,8 @@ import math
 from collections.abc import Iterator
 from itertools import islice
 
-import numpy as np
-
-from ciberrato.arrays import Floats, Indices
+from ciberrato.arrays import Floats
+from ciberrato.geometry.face_index import FaceIndex
 
 Face = tuple[float, float, float, float, float, float, float, float, float]
 """Start x and y, end x and y, edge x and y (from start to end), length, direction x and y (unit vector)."""
@@ -33,10 +32,20 @@ class NearbyFaces:
     start, end, edge, direction : array, shape (faces, 2)
     length : array, shape (faces,)
         As in `ciberrato.geometry.walls.WallMap`.
+    index : FaceIndex
+        Of these faces.
     """
 
-    def __init__(self, start: Floats, end: Floats, edge: Floats, length: Floats, direction: Floats) -> None:
-        self._start, self._length, self._direction = start, length, direction
+    def __init__(
+        self,
+        start: Floats,
+        end: Floats,
+        edge: Floats,
+        length: Floats,
+        direction: Floats,
+        index: FaceIndex,
+    ) -> None:
+        self._index = index
         columns = (*start.T, *end.T, *edge.T, length, *direction.T)
         self._faces: list[Face] = list(zip(*(column.tolist() for column in columns), strict=True))
         self._squares: dict[tuple[int, int], tuple[list[float], list[Face], float]] = {}
@@ -118,15 +127,11 @@ class NearbyFaces:
         return reach < radius and any(_distance(x, y, face) < radius for face in self._faces)
 
     def _sort(self, column: int, row: int) -> tuple[list[float], list[Face], float]:
-        dx = column + 0.5 - self._start[:, 0]
-        dy = row + 0.5 - self._start[:, 1]
-        ux, uy = self._direction[:, 0], self._direction[:, 1]
-        along = np.minimum(np.maximum(dx * ux + dy * uy, 0.0), self._length)
-        bounds = np.hypot(dx - along * ux, dy - along * uy) - (_HALF_DIAGONAL + _MARGIN)
-        order = least(bounds, _MAX_FACES + 1)
-        reach = float(bounds[order[_MAX_FACES]]) if order.size > _MAX_FACES else math.inf
-        order = order[:_MAX_FACES]
-        return bounds[order].tolist(), [self._faces[index] for index in order.tolist()], reach
+        slack = _HALF_DIAGONAL + _MARGIN
+        order, found = self._index.nearest(column + 0.5, row + 0.5, _MAX_FACES + 1, slack)
+        bounds = found.tolist()
+        reach = bounds.pop() if len(bounds) > _MAX_FACES else math.inf
+        return bounds, [self._faces[index] for index in order[:_MAX_FACES].tolist()], reach
 
 
 def _distance(x: float, y: float, face: Face) -> float:
@@ -140,24 +145,3 @@ def _distance(x: float, y: float, face: Face) -> float:
         dx, dy = x - x1, y - y1
         return math.sqrt(dx * dx + dy * dy)
     return abs(dx * uy - dy * ux)
-
-
-def least(values: Floats, count: int) -> Indices:
-    """Return the indices of the least values in ascending order, equal ones as they stand.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-    count : int
-        Most indices.
-
-    Returns
-    -------
-    array of int, shape (min(count, n),)
-        Without sorting all values.
-    """
-    if count >= values.size:
-        return np.argsort(values, kind="stable")
-    chosen = np.sort(np.argpartition(values, count)[:count])
-    ordered: Indices = chosen[np.argsort(values[chosen], kind="stable")]
-    return ordered

@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 
 from ciberrato.arrays import Booleans, Floats, Indices
-from ciberrato.geometry.nearest_faces import least
+from ciberrato.geometry.face_index import FaceIndex
 
 SQUARES_PER_UNIT = 2
 SECTORS = 8
@@ -45,6 +45,8 @@ class ViewLists:
     start, end, edge, direction : array, shape (faces, 2)
     length : array, shape (faces,)
         As in `ciberrato.geometry.walls.WallMap`.
+    index : FaceIndex
+        Of these faces.
 
     Attributes
     ----------
@@ -55,7 +57,16 @@ class ViewLists:
         All faces, without bounds.
     """
 
-    def __init__(self, start: Floats, end: Floats, edge: Floats, length: Floats, direction: Floats) -> None:
+    def __init__(
+        self,
+        start: Floats,
+        end: Floats,
+        edge: Floats,
+        length: Floats,
+        direction: Floats,
+        index: FaceIndex,
+    ) -> None:
+        self._index = index
         self._start, self._end, self._length, self._direction = start, end, length, direction
         columns = [array.tolist() for array in (*start.T, *edge.T, length)]
         self._faces: list[tuple[float, float, float, float, float]] = list(zip(*columns, strict=True))
@@ -72,7 +83,6 @@ class ViewLists:
         # Each in one piece: one square is soon looked at, and small steps count.
         self._start_x, self._start_y = np.ascontiguousarray(start.T)
         self._end_x, self._end_y = np.ascontiguousarray(end.T)
-        self._direction_x, self._direction_y = np.ascontiguousarray(direction.T)
 
     def add(self, square: tuple[int, int]) -> tuple[SeenList, ...]:
         """Create the lists of a square.
@@ -91,19 +101,8 @@ class ViewLists:
             # Only who roams a very large lab comes here; the oldest squares are the ones left behind.
             for old in list(islice(self.lists, _MAX_SQUARES // 4)):
                 del self.lists[old]
-        size = 1.0 / SQUARES_PER_UNIT
-        x, y = (square[0] + 0.5) * size, (square[1] + 0.5) * size
-        dx, dy = self._start_x - x, self._start_y - y
-        along = np.clip(-(dx * self._direction_x + dy * self._direction_y), 0.0, self._length)
-        bounds = np.hypot(dx + along * self._direction_x, dy + along * self._direction_y) - _NEARER
-        for candidates in CANDIDATES:  # mostly the first: the lists are short, and end far away
-            order = least(bounds, candidates)
-            ahead = self._ahead(order, x, y)
-            if order.size == bounds.size or np.count_nonzero(ahead, axis=1).min() > LONGEST:
-                break
-        nearest, faces = bounds[order].tolist(), order.tolist()
-        # What is not among the candidates is no nearer than the last of them.
-        beyond = math.inf if order.size == bounds.size else nearest[-1]
+        order, bounds, ahead, beyond = self.near(*square)
+        nearest, faces = bounds.tolist(), order.tolist()
         sectors = []
         for here in ahead:
             chosen = here.nonzero()[0][: LONGEST + 1].tolist()
@@ -111,6 +110,31 @@ class ViewLists:
             sectors.append((tuple([(nearest[index], *self._faces[faces[index]]) for index in chosen]), reach))
         self.lists[square] = tuple(sectors)
         return self.lists[square]
+
+    def near(self, column: int, row: int) -> tuple[Indices, Floats, Booleans, float]:
+        """Find what can be seen from a square, among as many of the nearest faces as its lists need.
+
+        Parameters
+        ----------
+        column, row : int
+            Lower left corner of the square in half units.
+
+        Returns
+        -------
+        faces, bounds, ahead : array, shape (n,), (n,) and (SECTORS, n)
+            As `select` returns them.
+        beyond : float
+            Bound of all other faces; infinite if there are none.
+        """
+        size = 1.0 / SQUARES_PER_UNIT
+        x, y = (column + 0.5) * size, (row + 0.5) * size
+        for candidates in CANDIDATES:  # mostly the first: the lists are short, and end far away
+            order, bounds = self._index.nearest(x, y, candidates, _NEARER)
+            ahead = self._ahead(order, x, y)
+            if order.size == len(self._faces) or np.count_nonzero(ahead, axis=1).min() > LONGEST:
+                break
+        # What is not among the candidates is no nearer than the last of them.
+        return order, bounds, ahead, math.inf if order.size == len(self._faces) else float(bounds[-1])
 
     def _ahead(self, order: Indices, x: float, y: float) -> Booleans:
         """Find which of some faces cones of each sector can meet from the square round a point."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.arrays import Booleans, Floats
+from ciberrato.geometry.face_index import FaceIndex
 from ciberrato.geometry.nearest_faces import NearbyFaces
 from ciberrato.geometry.visible_faces import ViewLists
 from ciberrato.reprs import short_repr
@@ -93,14 +94,18 @@ class WallMap:
         )
 
     @cached_property
+    def _index(self) -> FaceIndex:
+        return FaceIndex(self.start, self.end, self.direction, self.length)
+
+    @cached_property
     def nearby(self) -> NearbyFaces:
         """The faces sorted by distance for each square unit: what makes one point at a time fast."""
-        return NearbyFaces(self.start, self.end, self.edge, self.length, self.direction)
+        return NearbyFaces(self.start, self.end, self.edge, self.length, self.direction, self._index)
 
     @cached_property
     def views(self) -> ViewLists:
         """The faces that a view cone can meet: what makes one IR sensor at a time fast."""
-        return ViewLists(self.start, self.end, self.edge, self.length, self.direction)
+        return ViewLists(self.start, self.end, self.edge, self.length, self.direction, self._index)
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Compute the distances of points to the nearest face.

@@ -186,7 +186,7 @@ def _places(name: str | Lab, lab: Lab, starts: str | Sequence[Start]) -> list[St
     elif starts == GRID:
         if isinstance(name, Lab):
             raise UsageError(f"lab {lab.name!r} has no start grid: name starts, or 'free'")
-        found = [(place.x, place.y, place.direction) for place in read_grid(find_grid(name)).positions]
+        found = [(place.x, place.y, place.direction_deg) for place in read_grid(find_grid(name)).positions]
     elif starts == CIRCUIT:
         control = Control(World.build(lab, StartGrid(), Parameters()))
         centres = [

@@ -96,7 +96,7 @@ class CiberRatoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         super().reset(seed=seed)
         episode = self._episode = self.scenario.draw(self.np_random, options)
         x, y, direction = episode.start
-        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction),))
+        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction_deg=direction),))
         # All of the simulation's noise follows from four numbers that are drawn here.
         simulation = self._simulation = Simulation(
             episode.lab,

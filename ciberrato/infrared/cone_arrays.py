@@ -53,7 +53,8 @@ def many_cone_distances(
         np.minimum(nearest[waiting], found, out=found)
         nearest[waiting] = found
         alone[waiting[on_face]] = True
-        waiting = waiting[(found > seen[chosen, end, 0]) & ~on_face]
+        unlooked_at = np.minimum(seen[chosen, end, 0], seen[chosen, LONGEST, 0])  # a list may be shorter
+        waiting = waiting[(found > unlooked_at) & ~on_face]
         if waiting.size == 0:
             break
     alone[waiting] = True  # the list ends before the nearest wall

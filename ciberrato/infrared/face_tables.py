@@ -27,6 +27,8 @@ UNKNOWN = -2
 
 _CHUNK = 2**21
 """Squares times sectors times faces worked on at once."""
+_MOST_FACES = 4096
+"""Faces all of which are looked at for a square; of more, the nearest ones only."""
 
 
 class LabTables:
@@ -66,6 +68,11 @@ class LabTables:
         self.touched = np.zeros((0, TOUCHED), np.int64)
         self.touched_count = np.zeros(0, np.int64)
 
+    @property
+    def squares(self) -> int:
+        """Number of squares that have entries."""
+        return self._rows
+
     def rows_at(self, x: Floats, y: Floats) -> Integers:
         """Find the rows of places; squares that have no entries yet get them.
 
@@ -102,13 +109,19 @@ class LabTables:
         """Create entries for squares, given by their places in the flattened `row_of`."""
         if self._rows + flat.size > self.touched_count.size:
             self._make_room(2 * (self._rows + flat.size))
-        chunk = max(1, _CHUNK // (SECTORS * max(1, len(self.faces))))
+        many = len(self.faces) > _MOST_FACES
+        chunk = 1 if many else max(1, _CHUNK // (SECTORS * max(1, len(self.faces))))
         for low in range(0, flat.size, chunk):
             some = flat[low : low + chunk]
             up, right = np.divmod(some, self.row_of.shape[1])
-            order, bounds, ahead = self.walls.views.select(
-                right - OUTSIDE * SQUARES_PER_UNIT, up - OUTSIDE * SQUARES_PER_UNIT
-            )
+            squares = right - OUTSIDE * SQUARES_PER_UNIT, up - OUTSIDE * SQUARES_PER_UNIT
+            beyond = math.inf
+            if many:
+                column, row = (int(number[0]) for number in squares)
+                nearest, limits, here, beyond = self.walls.views.near(column, row)
+                order, bounds, ahead = nearest[np.newaxis], limits[np.newaxis], here[np.newaxis]
+            else:
+                order, bounds, ahead = self.walls.views.select(*squares)
             rows = slice(self._rows, self._rows + some.size)
             kept = np.argsort(~ahead, axis=-1, kind="stable")[..., : LONGEST + 1]
             listed = np.take_along_axis(ahead, kept, axis=-1)
@@ -116,6 +129,8 @@ class LabTables:
             numbers = np.take_along_axis(order[:, np.newaxis], kept, axis=-1)
             self.seen[rows, :, : kept.shape[-1], 0] = np.where(listed, _round_down(limits), np.inf)
             self.seen[rows, :, : kept.shape[-1], 1] = np.where(listed, numbers, 0)
+            unlisted = self.seen[rows, :, LONGEST, 0]
+            np.minimum(unlisted, _round_down(np.full(unlisted.shape, beyond)), out=unlisted)
             self.touched[rows, : min(TOUCHED, order.shape[1])] = order[:, :TOUCHED]
             self.touched_count[rows] = (bounds < ROBOT_RADIUS).sum(axis=1)
             self.row_of.ravel()[some] = np.arange(rows.start, rows.stop)

@@ -52,11 +52,11 @@ class UdpLink:
         stamp_arrivals(self._socket)
 
     @classmethod
-    def handed_over(cls, sock: socket.socket, host: str, port: int, peer: tuple[str, int]) -> UdpLink:
-        """Return the link that another process has had so far, given its socket and the peer it found."""
+    def handed_over(cls, sock: socket.socket, host: str, port: int) -> UdpLink:
+        """Return the link that another process has had so far, given its socket."""
         link = cls(host, port)
         link._socket.close()
-        link._socket, link._peer = sock, peer
+        link._socket = sock
         sock.setblocking(False)
         return link
 
@@ -74,6 +74,10 @@ class UdpLink:
     def peer(self) -> tuple[str, int] | None:
         """Address and port of the simulator that has answered, or None."""
         return self._peer
+
+    @peer.setter
+    def peer(self, peer: tuple[str, int]) -> None:
+        self._peer = peer
 
     def register(self, data: bytes) -> None:
         """Send a registration to the main port; see `Link.register`."""

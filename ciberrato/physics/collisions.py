@@ -49,13 +49,15 @@ def resolve_collisions(
     """
     wall = [walls.touches(x, y, ROBOT_RADIUS) for x, y, _ in wanted]
     robot = [False] * len(wanted)
-    for first in range(len(wanted)):
+    for first, (x, y, _) in enumerate(wanted):
         for second in range(first + 1, len(wanted)):
-            dx = wanted[first][0] - wanted[second][0]
-            dy = wanted[first][1] - wanted[second][1]
-            if math.sqrt(dx * dx + dy * dy) < 2 * ROBOT_RADIUS:
-                robot[first] |= _moves_towards(poses[first], poses[second], speeds[first])
-                robot[second] |= _moves_towards(poses[second], poses[first], speeds[second])
+            other_x, other_y, _ = wanted[second]
+            dx = x - other_x
+            if -2 * ROBOT_RADIUS < dx < 2 * ROBOT_RADIUS:  # mostly not, and that is soon seen
+                dy = y - other_y
+                if math.sqrt(dx * dx + dy * dy) < 2 * ROBOT_RADIUS:
+                    robot[first] |= _moves_towards(poses[first], poses[second], speeds[first])
+                    robot[second] |= _moves_towards(poses[second], poses[first], speeds[second])
     return wall, robot
 
 

@@ -70,7 +70,7 @@ def lab(lab: Lab, ax: Any = None, *, grid: StartGrid | None = None, legend: bool
         place = (beacon.x, beacon.y + 0.5)
         ax.annotate(label, place, ha="center", va="center", fontsize=9, zorder=5, bbox=_BOX)
     for number, position in enumerate(() if grid is None else grid.positions, 1):
-        _draw_start(ax, number, (position.x, position.y, math.radians(position.direction)))
+        _draw_start(ax, number, (position.x, position.y, math.radians(position.direction_deg)))
     set_lab_axes(ax, lab.width, lab.height)
     size = f"{lab.width:g} x {lab.height:g} units, {lab.rows} x {lab.columns} cells"
     set_title(ax, f"{plain(lab.name, 40)}: {size}, {len(lab.walls)} walls")

@@ -159,7 +159,8 @@ def _requests(names: tuple[str, ...]) -> str:
 
 def _reply(message: Acceptance) -> str:
     parameters = encode_parameters(message.parameters, message.n_beacons)
-    return f'<Reply Status="Ok">\n\t{parameters}</Reply>\n'
+    lockstep = ' Lockstep="On"' * message.lockstep
+    return f'<Reply Status="Ok"{lockstep}>\n\t{parameters}</Reply>\n'
 
 
 def _status(message: RobotStatus) -> str:

@@ -55,7 +55,7 @@ def grid_to_xml(grid: StartGrid) -> str:
         From ``<Grid>`` to the newline after ``</Grid>``; numbers with six significant digits.
     """
     positions = "".join(
-        f'\t<Position X="{general(p.x)}" Y="{general(p.y)}" Dir="{general(p.direction)}"/>\n'
+        f'\t<Position X="{general(p.x)}" Y="{general(p.y)}" Dir="{general(p.direction_deg)}"/>\n'
         for p in grid.positions
     )
     return f"<Grid>\n{positions}</Grid>\n"
@@ -108,7 +108,7 @@ def grid_from_element(root: Element) -> StartGrid:
     return StartGrid(
         positions=tuple(
             GridPosition(
-                x=_real(child, "X", 0.0), y=_real(child, "Y", 0.0), direction=_real(child, "Dir", 0.0)
+                x=_real(child, "X", 0.0), y=_real(child, "Y", 0.0), direction_deg=_real(child, "Dir", 0.0)
             )
             for child in root.children
             if child.name == "Position"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields
+from itertools import product
 from typing import Any
 
 from ciberrato.errors import UsageError
@@ -31,6 +32,13 @@ _USUAL = """\
 \t<Buttons Start="%s" Stop="%s"/>
 </Measures>
 """
+_HEAD, _TAIL = _USUAL.split("%s\t</Sensors>")
+_HEAD += '\t\t<LineSensor Value="%s" />\n'
+_TAILS = {
+    switches: "\t</Sensors>" + _TAIL % tuple("On" if switch else "Off" for switch in switches) + "\0"
+    for switches in product((False, True), repeat=5)
+}
+"""The end of the usual message, by LEDs and buttons."""
 
 # The layout that simulators send, to the byte. Whatever differs goes through the XML parser.
 _COUNT = rb"([0-9]{1,18})"
@@ -221,6 +229,39 @@ def _score(values: dict[str, str]) -> ScoreReading:
         collision=values.get("Collision") == "True",
         visited_mask=values.get("VisitedMask", ""),
     )
+
+
+def usual_measures(
+    time: int,
+    collision: bool,
+    compass: float,
+    ground: int,
+    infrared: tuple[float, ...],
+    line: str,
+    switches: tuple[bool, ...],
+) -> bytes | None:
+    """Write the usual datagram from the readings themselves: what `encode` makes of the same `Measures`.
+
+    Parameters
+    ----------
+    time : int
+    collision : bool
+    compass : float
+    ground : int
+    infrared : tuple of four float
+    line : str
+        Characters 0 and 1.
+    switches : tuple of five bool
+        LEDs (end, returning, visiting) and buttons (start, stop).
+
+    Returns
+    -------
+    bytes or None
+        None where a number is NaN, which takes a longer path.
+    """
+    ir0, ir1, ir2, ir3 = infrared
+    text = _HEAD % (time, "Yes" if collision else "No", compass, ground, ir0, ir1, ir2, ir3, line)
+    return None if "nan" in text else (text + _TAILS[switches]).encode()
 
 
 def measures_to_xml(measures: Measures, *, log: bool = False) -> str:

@@ -193,12 +193,16 @@ class Acceptance:
     parameters : Parameters
     n_beacons : int
         Number of beacons in the lab.
+    lockstep : bool
+        Whether the simulator says that it waits for every answer. The real one, which never does, does not
+        know the attribute.
     """
 
     __repr__ = short_repr
 
     parameters: Parameters
     n_beacons: int = 0
+    lockstep: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -67,7 +67,8 @@ def _reply(root: Element) -> Acceptance | Refusal:
     for child in root.children:
         if child.name == "Parameters":
             parameters, n_beacons = decode_parameters(child.attributes)
-            return Acceptance(parameters=parameters, n_beacons=n_beacons)
+            lockstep = root.attributes.get("Lockstep") == "On"
+            return Acceptance(parameters=parameters, n_beacons=n_beacons, lockstep=lockstep)
     raise ProtocolError("Reply: child element Parameters is missing")
 
 

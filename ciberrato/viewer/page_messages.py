@@ -237,7 +237,7 @@ def world_text(
             "type": "world",
             "epoch": epoch,
             "lab": None if lab is None else lab_document(lab),
-            "grid": _finite_rows((p.x, p.y, p.direction) for p in grid.positions) if grid else [],
+            "grid": _finite_rows((p.x, p.y, p.direction_deg) for p in grid.positions) if grid else [],
             "simTime": parameters.sim_time if parameters is not None else 0,
             "cycleTime": parameters.cycle_time if parameters is not None else 50,
             "span": span,

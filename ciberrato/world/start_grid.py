@@ -17,7 +17,7 @@ class GridPosition:
     ----------
     x, y : float
         Place in units.
-    direction : float
+    direction_deg : float
         Heading in degrees, counter-clockwise from +x, as written in the file (it may lie outside ±180).
     """
 
@@ -25,16 +25,16 @@ class GridPosition:
 
     x: float = 0.0
     y: float = 0.0
-    direction: float = 0.0
+    direction_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("x", "y", "direction"):
+        for name in ("x", "y", "direction_deg"):
             check_number(name, getattr(self, name))
 
     @property
     def heading(self) -> float:
-        """The direction in radians, as poses have it."""
-        return self.direction * math.pi / 180.0
+        """The heading in radians, as poses have it."""
+        return self.direction_deg * math.pi / 180.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,5 +52,5 @@ class StartGrid:
         make_tuple(self, "positions", GridPosition)
 
     def __repr__(self) -> str:
-        shown = ", ".join(f"({p.x:g}, {p.y:g}, {p.direction:g}°)" for p in self.positions[:4])
+        shown = ", ".join(f"({p.x:g}, {p.y:g}, {p.direction_deg:g}°)" for p in self.positions[:4])
         return f"<StartGrid of {len(self.positions)}: {shown}{', ...' * (len(self.positions) > 4)}>"

@@ -18,15 +18,13 @@ from ciberrato.infrared.cone_compiled import distance_ahead, row_at, wrap
 from ciberrato.infrared.exact import CLOSE
 from ciberrato.infrared.face_tables import TOUCHED
 from ciberrato.infrared.model import CONTACT, SATURATION
-from ciberrato.physics.kinematics import ROBOT_RADIUS
+from simulator_stub.cycle_loops import RIM, touches_face
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
 from simulator_stub.world.floor import SQUARES_PER_UNIT as FLOOR_SQUARES_PER_UNIT
 
 _SIDEWAYS = np.array(SIDEWAYS)
-RIM = 1e-9
-"""Units: nearer to the rim of a target than that, only `math.hypot` decides."""
 UNDECIDED = -2
-"""Reading of the ground sensor there."""
+"""Reading of the ground sensor nearer than `RIM` to the rim of a target."""
 
 _jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
@@ -62,7 +60,7 @@ def move(robots, pose, motors, flags, deviation, noise, tables, wanted, undecide
             continue
         touches = False
         for index in range(touched_count[row]):
-            if _touches(faces, touched[row, index], x, y):
+            if touches_face(faces, touched[row, index], x, y):
                 touches = True
                 break
         begins = touches and moves[robot] and not collides[robot]
@@ -74,18 +72,6 @@ def move(robots, pose, motors, flags, deviation, noise, tables, wanted, undecide
             ys[robot] = y
         collides[robot] = touches
     return count
-
-
-@_jit
-def _touches(faces, face, x, y):
-    dx, dy = x - faces[face, 0], y - faces[face, 1]
-    along = dx * faces[face, 7] + dy * faces[face, 8]
-    if along < 0.0:
-        return math.sqrt(dx * dx + dy * dy) < ROBOT_RADIUS
-    if along > faces[face, 4]:
-        dx, dy = x - faces[face, 5], y - faces[face, 6]
-        return math.sqrt(dx * dx + dy * dy) < ROBOT_RADIUS
-    return abs(dx * faces[face, 8] - dy * faces[face, 7]) < ROBOT_RADIUS
 
 
 @_jit

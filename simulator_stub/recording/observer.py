@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -28,6 +28,12 @@ class Observer:
 
     def close(self) -> None:
         """Finish the record."""
+
+
+def overriding(observers: Iterable[Observer], name: str) -> list[Callable[[Simulation], None]]:
+    """Return the methods of a name of those observers that have one of their own: others do nothing there."""
+    inherited = getattr(Observer, name)
+    return [getattr(one, name) for one in observers if getattr(type(one), name) is not inherited]
 
 
 def numbered(path: Path, world: int) -> Path:

@@ -75,7 +75,8 @@ class TargetScoring(Scoring):
         account = self._accounts.get(robot.robot_id)
         if account is None:
             account = self._accounts[robot.robot_id] = _Account(self.start_value())
-        account.points += self.collision_penalty(robot)
+        if robot.touches_wall or robot.touches_robot:
+            account.points += self.collision_penalty(robot)
         if robot.state is RobotState.RETURNING:
             self._update_returning(robot, account, time)
         else:

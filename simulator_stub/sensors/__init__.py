@@ -6,15 +6,16 @@ from simulator_stub.sensors.base import Delay, Scene, Sensor
 from simulator_stub.sensors.beacons import BeaconSensors
 from simulator_stub.sensors.collision import CollisionSensor
 from simulator_stub.sensors.compass import CompassSensor
+from simulator_stub.sensors.equipment import Equipment
 from simulator_stub.sensors.gps import GpsSensor
 from simulator_stub.sensors.ground import GroundSensor
 from simulator_stub.sensors.hearing import Hearing
 from simulator_stub.sensors.infrared import InfraredSensors
 from simulator_stub.sensors.line import LineSensor
-from simulator_stub.sensors.own import fill_in, own_sensors, report_other
+from simulator_stub.sensors.own import own_sensors, report_other
 from simulator_stub.sensors.score import ScoreSensor
 
-__all__ = ["SENSORS", "Delay", "Scene", "Sensor", "fill_in", "own_sensors", "report_other"]
+__all__ = ["SENSORS", "Delay", "Equipment", "Scene", "Sensor", "own_sensors", "report_other"]
 
 SENSORS: tuple[type[Sensor], ...] = (
     CollisionSensor,

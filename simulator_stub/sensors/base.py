@@ -72,6 +72,11 @@ class Sensor(ABC):
         """Names in SensorRequests; empty if the sensor cannot be requested."""
         return ()
 
+    @property
+    def sent_always(self) -> bool:
+        """Whether its reading is sent in every cycle, requested or not."""
+        return False
+
     @abstractmethod
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure, and store the reading."""

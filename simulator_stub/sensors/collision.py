@@ -28,6 +28,11 @@ class CollisionSensor(Sensor):
         """Return the name in SensorRequests."""
         return ("Collision",)
 
+    @property
+    def sent_always(self) -> bool:
+        """Whether its reading is sent in every cycle."""
+        return not self._requestable
+
     def update(self, robot: Robot, scene: Scene) -> None:
         """Read the flag."""
         self.reading = self._delay.pass_through(robot.collides)

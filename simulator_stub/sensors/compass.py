@@ -33,6 +33,11 @@ class CompassSensor(Sensor):
         """Return the name in SensorRequests."""
         return ("Compass",)
 
+    @property
+    def sent_always(self) -> bool:
+        """Whether its reading is sent in every cycle."""
+        return self._present and not self._requestable
+
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure the heading in degrees."""
         angle = wrap_once(robot.heading + self._deviation * self.noise[scene.running].normal())

@@ -32,6 +32,11 @@ class GroundSensor(Sensor):
         """Return the name in SensorRequests."""
         return ("Ground",)
 
+    @property
+    def sent_always(self) -> bool:
+        """Whether its reading is sent in every cycle."""
+        return not self._requestable
+
     def update(self, robot: Robot, scene: Scene) -> None:
         """Find the target."""
         found = NOWHERE

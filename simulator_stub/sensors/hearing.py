@@ -21,19 +21,29 @@ class Hearing(Sensor):
     """Hears every robot nearer than `REACH` after the move, in order of their ids; walls do not matter.
 
     Robots that were removed are still heard, from where they were.
+
+    Attributes
+    ----------
+    heard : tuple of HeardMessage
+        In this cycle.
     """
 
     name = "hearing"
 
     def __init__(self, world: World, robot: Robot, noise: NoiseRoot) -> None:
         super().__init__(world, robot, noise)
-        self._heard: tuple[HeardMessage, ...] = ()
+        self.heard: tuple[HeardMessage, ...] = ()
+
+    @property
+    def sent_always(self) -> bool:
+        """Whether its reading is sent in every cycle."""
+        return True
 
     def update(self, robot: Robot, scene: Scene) -> None:
         """Deliver the messages heard."""
-        if not (scene.speakers or self._heard):
+        if not (scene.speakers or self.heard):
             return
-        self._heard = tuple(
+        self.heard = tuple(
             HeardMessage(sender=speaker.robot_id, text=speaker.said)
             for speaker in scene.speakers
             if speaker.said is not None and math.hypot(speaker.x - robot.x, speaker.y - robot.y) < REACH
@@ -41,5 +51,5 @@ class Hearing(Sensor):
 
     def report(self, robot: Robot, fields: dict[str, Any]) -> None:
         """Report what was said."""
-        if self._heard:
-            fields["messages"] = self._heard
+        if self.heard:
+            fields["messages"] = self.heard

@@ -23,7 +23,13 @@ REACH = SENSOR_OFFSET + ROBOT_RADIUS + 1e-6
 
 
 class InfraredSensors(Sensor):
-    """Reads 1/distance to walls and other robots, plus Gaussian noise, rounded to 0.1 and not clamped."""
+    """Reads 1/distance to walls and other robots, plus Gaussian noise, rounded to 0.1 and not clamped.
+
+    Attributes
+    ----------
+    axes : tuple of float
+        Mounting angles in radians.
+    """
 
     name = "infrared"
 
@@ -32,7 +38,7 @@ class InfraredSensors(Sensor):
         parameters = world.parameters
         self._requestable = parameters.obstacle_requestable
         self._deviation = parameters.obstacle_noise
-        self._angles = tuple(angle / 180.0 * math.pi for angle in robot.angles)
+        self.axes = tuple(angle / 180.0 * math.pi for angle in robot.angles)
         self._delay = Delay(parameters.obstacle_latency, (0.0,) * SENSORS)
         self.reading: tuple[float, ...] = (0.0,) * SENSORS
 
@@ -41,10 +47,15 @@ class InfraredSensors(Sensor):
         """Return the names in SensorRequests."""
         return tuple(f"IRSensor{number}" for number in range(SENSORS))
 
+    @property
+    def sent_always(self) -> bool:
+        """Whether its reading is sent in every cycle."""
+        return not self._requestable
+
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure the distances and turn them into readings."""
         x, y, heading = robot.x, robot.y, robot.heading
-        directions = [heading + angle for angle in self._angles]
+        directions = [heading + angle for angle in self.axes]
         distances = self.world.distances(x, y, directions)
         if self._deviation == 0.0:
             for number, distance in enumerate(distances):
@@ -53,15 +64,19 @@ class InfraredSensors(Sensor):
                     distances[number] = exact_distance(self.world.walls, *place, SENSOR_OFFSET)
         if len(scene.robots) > 1:
             farthest = max(distances)
+            reach = farthest + REACH
             for other in scene.robots:
                 # No part of the other is nearer to any sensor than this: mostly a wall is.
-                least = math.hypot(other.x - x, other.y - y) - REACH
-                if least < farthest and other is not robot:
-                    for number, direction in enumerate(directions):
-                        if least < distances[number]:
-                            seen = other_robot_distance(x, y, direction, other.x, other.y)
-                            distances[number] = min(distances[number], seen)
-                    farthest = max(distances)
+                dx = other.x - x
+                if -reach < dx < reach and other is not robot:
+                    least = math.hypot(dx, other.y - y) - REACH
+                    if least < farthest:
+                        for number, direction in enumerate(directions):
+                            if least < distances[number]:
+                                seen = other_robot_distance(x, y, direction, other.x, other.y)
+                                distances[number] = min(distances[number], seen)
+                        farthest = max(distances)
+                        reach = farthest + REACH
         deviation, floor = self._deviation, math.floor
         self.reading = self._delay.pass_through(
             tuple(

@@ -54,6 +54,11 @@ class LineSensor(Sensor):
         self._wrong: tuple[list[int], list[int]] = ([], [])
         self.reading = TEXTS[0]
 
+    @property
+    def sent_always(self) -> bool:
+        """Whether its reading is sent in every cycle."""
+        return True
+
     def update(self, robot: Robot, scene: Scene) -> None:
         """Measure at the seven points."""
         cosine, sine = math.cos(robot.heading), math.sin(robot.heading)

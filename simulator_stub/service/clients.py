@@ -96,10 +96,10 @@ class RobotClient:
             self.messages.append(error)
         else:
             self.messages.append(actions)
-            self.complete = stands_alone(actions)
+            moves = bool(actions.left_motor or actions.right_motor)
+            self.complete = moves or stands_alone(actions)
             if self.complete:
                 self.commands += 1
-                moves = bool(actions.left_motor or actions.right_motor)
                 self.braked = self.moving and not moves
                 self.moving = moves
         self.arrived += 1

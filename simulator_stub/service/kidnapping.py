@@ -23,14 +23,14 @@ class Kidnapping:
         Before which running cycle: the Measures of this time are the first from the new place.
     x, y : float
         Units.
-    direction : float
-        Degrees.
+    direction_deg : float
+        Heading, counter-clockwise from +x.
     """
 
     cycle: int
     x: float
     y: float
-    direction: float
+    direction_deg: float
 
 
 def parse_kidnapping(text: str) -> Kidnapping:
@@ -75,7 +75,7 @@ class Kidnapper:
         while self._waiting and self._waiting[0].cycle <= simulation.time + 1:
             victim = self._waiting.pop(0)
             simulation.place(
-                simulation.robots[0].robot_id, victim.x, victim.y, math.radians(victim.direction)
+                simulation.robots[0].robot_id, victim.x, victim.y, math.radians(victim.direction_deg)
             )
 
     def world_ended(self, simulation: Simulation) -> None:

@@ -39,7 +39,7 @@ from simulator_stub.service.client_process import Activity, watch_client
 from simulator_stub.service.clients import RobotClient
 from simulator_stub.service.session import Session
 from simulator_stub.service.vigil import Vigil, all_answered
-from simulator_stub.world.robot_state import RobotState
+from simulator_stub.world.robot_state import OUT
 from simulator_stub.world.simulator_state import SimulatorState
 
 INSTANT = 1e-6
@@ -169,6 +169,7 @@ class Lockstep(Pace):
         self._certain = False
         self._known: dict[int, RobotClient] = {}
         session.before_measures = self._before_measures
+        session.announce_lockstep()
 
     def counts(self, robot_id: int) -> dict[str, int]:
         """Return what the result file says of a robot's answers (`Answers.counts`)."""
@@ -180,9 +181,9 @@ class Lockstep(Pace):
         if self._known != self.session.robots:
             self._meet()
         awaited = self._awaited()
-        running = self.session.simulation.state is SimulatorState.RUNNING
         if not awaited:
             return self._wait_until_due(poll)
+        running = self.session.simulation.state is SimulatorState.RUNNING
         if not self._certain:
             for client in awaited:
                 if client.answers.process is not None:
@@ -203,8 +204,7 @@ class Lockstep(Pace):
 
     def _before_measures(self) -> None:
         """Read what came while the cycle was computed: it cannot answer the Measures that go out now."""
-        running = self.session.simulation.state is SimulatorState.RUNNING
-        if self._poll is None or self._certain or not running:
+        if self._certain or self._poll is None or self.session.simulation.state is not SimulatorState.RUNNING:
             self._sent = self._clock()
             return
         clients = self.session.robots.values()
@@ -232,10 +232,13 @@ class Lockstep(Pace):
             client.answers.answered_at = None
         # Look at least once, so that registrations, views and signals are noticed in any case.
         wait = 0.0 if all_answered(awaited) else SHORTEST_PATIENCE
-        if wait and running and self._vigil is not None:
-            if not self._vigil.keep(poll, awaited):
+        vigil = self._vigil
+        if wait and running and vigil is not None:
+            asleep = vigil.asleep
+            if not vigil.keep(poll, awaited):
                 return False
-            wait = 0.0 if all_answered(awaited) else SHORTEST_PATIENCE
+            if vigil.asleep == asleep and all_answered(awaited):
+                wait = 0.0
         look_at = began + wait
         while True:
             if not poll(wait):
@@ -404,10 +407,10 @@ class Lockstep(Pace):
 
     def _awaited(self) -> list[RobotClient]:
         clients = self.session.robots
-        return [
-            clients[robot.robot_id]
-            for robot in self.session.simulation.robots
-            if robot.state not in (RobotState.FINISHED, RobotState.REMOVED)
-            and not clients[robot.robot_id].silent
-            and not clients[robot.robot_id].peer.closed
-        ]
+        awaited = []
+        for robot in self.session.simulation.robots:
+            if robot.state not in OUT:
+                client = clients[robot.robot_id]
+                if not (client.silent or client.peer.closed):
+                    awaited.append(client)
+        return awaited

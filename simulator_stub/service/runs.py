@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simulator_stub.world.robot_state import RobotState
+from simulator_stub.world.robot_state import OUT
 from simulator_stub.world.simulator_state import SimulatorState
 
 if TYPE_CHECKING:
     from simulator_stub.recording.results import Results
-    from simulator_stub.service.attendance import Attendance
     from simulator_stub.service.session import Session
 
 FAREWELL = 1
 """Cycles after the end of a run, so that its robots see that both buttons are off."""
-
-_OUT = (RobotState.FINISHED, RobotState.REMOVED)
 
 
 class Runs:
@@ -69,13 +66,12 @@ class Runs:
             return True
         if simulation.state is not SimulatorState.RUNNING or not simulation.robots:
             return False
-        clients = self._session.robots
+        clients, most = self._session.robots, self._most_silent
         # A plain loop: this is asked after every cycle.
         for robot in simulation.robots:
-            client = clients[robot.robot_id]
-            if not (robot.state in _OUT or client.peer.closed or self._gone(client.attendance)):
-                return False
+            if robot.state not in OUT:
+                client = clients[robot.robot_id]
+                gone = most is not None and client.attendance.missed_in_a_row >= most
+                if not (gone or client.peer.closed):
+                    return False
         return True
-
-    def _gone(self, attendance: Attendance) -> bool:
-        return self._most_silent is not None and attendance.missed_in_a_row >= self._most_silent

@@ -20,6 +20,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from ciberrato.errors import ProtocolError
 from ciberrato.plaintext import plain
@@ -40,7 +41,7 @@ from ciberrato.protocol import (
     encode,
     fit_reply,
 )
-from simulator_stub.recording.observer import Observer
+from simulator_stub.recording.observer import Observer, overriding
 from simulator_stub.service.allowance import DROPPED
 from simulator_stub.service.attendance import Attendance
 from simulator_stub.service.audience import Admission, Audience
@@ -49,7 +50,7 @@ from simulator_stub.service.kidnapping import Kidnapper
 from simulator_stub.service.reception import Reception
 from simulator_stub.service.transports import NO_ROOM, Newcomer, Peer
 from simulator_stub.simulation import Simulation
-from simulator_stub.world.robot_state import RobotState
+from simulator_stub.world.robot_state import OUT
 from simulator_stub.world.simulator_state import SimulatorState
 
 NAME_LIMIT = 600
@@ -112,6 +113,8 @@ class Session:
         self.simulation = simulation
         self._restarts = restarts
         self.observers = observers
+        self._actions_read = overriding(observers, "actions_read")
+        self._cycle_done = overriding(observers, "cycle_done")
         self._kidnapper = kidnapper
         self.robots: dict[int, RobotClient] = {}
         self.before_measures: Callable[[], None] = _nothing
@@ -130,6 +133,10 @@ class Session:
         self._reply = encode(fit_reply(simulation.acceptance()))
         self._lab = encode(simulation.lab_shown())
         self._grid = encode(simulation.world.grid)
+
+    def announce_lockstep(self) -> None:
+        """Tell clients, in the answer to their registration, that their answers are waited for."""
+        self._reply = encode(fit_reply(replace(self.simulation.acceptance(), lockstep=True)))
 
     def welcome(self, newcomer: Newcomer, data: bytes) -> bool:
         """Process a message of a client that has not registered; a registration is answered in a cycle.
@@ -163,31 +170,31 @@ class Session:
         # Judged before anybody registers in this cycle: so every robot sees a stopped cycle first, however
         # registrations and cycles fall together.
         start = self.start_is_due and before is SimulatorState.STOPPED
-        if before is SimulatorState.RUNNING:
-            self._count_answers()
         simulation.begin_cycle()
-        self._read_actions()
+        self._read_actions(running=before is SimulatorState.RUNNING)
         if simulation.restart_requested and self._restarts:
             self._restart()
         elif simulation.restart_requested:
             self._complain("a robot requested a restart, which --no-restart disables")
         if self._kidnapper is not None:
             self._kidnapper.before_move(simulation)
-        for observer in self.observers:
-            observer.actions_read(simulation)
-        self._check_in()
+        for actions_read in self._actions_read:
+            actions_read(simulation)
+        if self._reception:
+            self._check_in()
         if start:
             self._autostarted = True
             simulation.start()
-        self._read_commands()
-        measured = simulation.advance()
-        for observer in self.observers:
-            observer.cycle_done(simulation)
+        if self.audience.views:
+            self._read_commands()
+        messages = simulation.advance_encoded()
+        for cycle_done in self._cycle_done:
+            cycle_done(simulation)
         self.before_measures()
-        for robot_id, measures in measured.items():
+        for robot_id, data in messages.items():
             client = self.robots[robot_id]
             client.answered = False
-            client.peer.send(encode(measures))
+            client.peer.send(data)
         views = self.audience.views
         if views:
             statuses = [encode(status) for status in simulation.statuses()]
@@ -230,21 +237,21 @@ class Session:
         total = {name: now[name] + self._dropped_before[name] for name in DROPPED}
         return {name: number for name, number in total.items() if number}
 
-    def _count_answers(self) -> None:
-        for robot in self.simulation.robots:
-            if robot.state not in (RobotState.FINISHED, RobotState.REMOVED):
-                client = self.robots[robot.robot_id]
-                client.attendance.count(self.simulation.time, len(client.messages))
-
-    def _read_actions(self) -> None:
-        for robot_id, client in self.robots.items():
+    def _read_actions(self, *, running: bool) -> None:
+        """Apply what has come from the robots; in a running cycle, count who has answered."""
+        simulation = self.simulation
+        for robot in simulation.robots:
+            client = self.robots[robot.robot_id]
             client.taken = 0
-            while client.messages:
-                message = client.messages.popleft()
+            messages = client.messages
+            if running and robot.state not in OUT:
+                client.attendance.count(simulation.time, len(messages))
+            while messages:
+                message = messages.popleft()
                 if isinstance(message, ProtocolError):
-                    self._complain(f"robot {robot_id}: {message}")
+                    self._complain(f"robot {robot.robot_id}: {message}")
                     break
-                self.simulation.act(robot_id, message)
+                simulation.act(robot.robot_id, message)
 
     def _check_in(self) -> None:
         for newcomer, registration in self._reception.admit():
@@ -321,10 +328,7 @@ class Session:
             self._notify("further broken or refused messages are not reported")
 
     def _read_commands(self) -> None:
-        views = self.audience.views
-        if not views:
-            return
-        for view in tuple(views):
+        for view in tuple(self.audience.views):
             view.taken = view.answers = 0
             while view.messages:
                 message = view.messages.popleft()

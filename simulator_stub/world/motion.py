@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import cos, sin
 from typing import TYPE_CHECKING
 
-from ciberrato.physics.collisions import resolve_collisions, settle
-from ciberrato.physics.kinematics import ROBOT_RADIUS, advance, filter_power
+from ciberrato.geometry.angles import wrap_once
+from ciberrato.physics.collisions import resolve_collisions
+from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.world.robot_state import MOVING
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ def move(world: World, robots: Sequence[Robot]) -> None:
         _run_motors(robot, deviation)
     if len(robots) == 1:
         x, y, _ = robots[0].wanted
-        _commit(robots[0], touches_wall=world.walls.touches(x, y, ROBOT_RADIUS), touches_robot=False)
+        commit(robots[0], touches_wall=world.walls.touches(x, y, ROBOT_RADIUS), touches_robot=False)
         return
     wall, robot_in_way = resolve_collisions(
         world.walls,
@@ -41,7 +43,7 @@ def move(world: World, robots: Sequence[Robot]) -> None:
         [(robot.left_output + robot.right_output) / 2.0 for robot in robots],
     )
     for robot, touches_wall, touches_robot in zip(robots, wall, robot_in_way, strict=True):
-        _commit(robot, touches_wall=touches_wall, touches_robot=touches_robot)
+        commit(robot, touches_wall=touches_wall, touches_robot=touches_robot)
 
 
 def _run_motors(robot: Robot, deviation: float) -> None:
@@ -52,13 +54,21 @@ def _run_motors(robot: Robot, deviation: float) -> None:
         left_factor = 1.0 + deviation * left
     else:
         right_factor = left_factor = 1.0
-    right_output = filter_power(robot.right_command, robot.right_output, right_factor)
-    left_output = filter_power(robot.left_command, robot.left_output, left_factor)
+    # As `filter_power` and `advance` do, operation by operation, without their calls.
+    right_output = (robot.right_command + robot.right_output) / 2.0 * right_factor
+    left_output = (robot.left_command + robot.left_output) / 2.0 * left_factor
     robot.right_output, robot.left_output = right_output, left_output
-    robot.wanted = advance(robot.x, robot.y, robot.heading, left_output, right_output)
+    heading = robot.heading
+    speed = (right_output + left_output) / 2.0
+    turn = (right_output - left_output) / (2.0 * ROBOT_RADIUS)
+    robot.wanted = (
+        robot.x + speed * cos(heading),
+        robot.y + speed * sin(heading),
+        wrap_once(heading + turn),
+    )
 
 
-def _commit(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
+def commit(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
     """Set the flags, the counter, which counts beginnings only, and the pose."""
     collided_before = robot.touches_wall or robot.touches_robot
     collides = touches_wall or touches_robot
@@ -68,5 +78,7 @@ def _commit(robot: Robot, *, touches_wall: bool, touches_robot: bool) -> None:
     if robot.state in MOVING:
         if collides and not collided_before:
             robot.collisions += 1
-        pose = (robot.x, robot.y, robot.heading)
-        robot.x, robot.y, robot.heading = settle(pose, robot.wanted, collides)
+        if collides:  # as `settle` does
+            robot.heading = robot.wanted[2]
+        else:
+            robot.x, robot.y, robot.heading = robot.wanted

@@ -126,6 +126,10 @@ class Stream:
             self._next = count
         return self._normals[begin:end]
 
+    def put_back(self, count: int) -> None:
+        """Return to the stream the last normal numbers, as many as were drawn at once: they come again."""
+        self._next -= count
+
     def uniforms(self, count: int) -> NDArray[np.float64]:
         """Return the next numbers uniform in [0, 1), drawn when requested: request many at a time."""
         return self._source().random(count)

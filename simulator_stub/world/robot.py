@@ -113,7 +113,7 @@ class Robot:
         self.beacons_known = beacons_known
         self.x = start.x
         self.y = start.y
-        self.heading = start.direction * math.pi / 180.0
+        self.heading = start.direction_deg * math.pi / 180.0
         self.wanted = (self.x, self.y, self.heading)
         self.left_command = 0.0
         self.right_command = 0.0

@@ -22,3 +22,6 @@ class RobotState(Enum):
 
 MOVING = (RobotState.RUNNING, RobotState.RETURNING)
 """The states in which motors move a robot and scores count."""
+
+OUT = (RobotState.FINISHED, RobotState.REMOVED)
+"""The states from which a robot does not come back, and in which it is not waited for."""

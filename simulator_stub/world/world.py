@@ -32,6 +32,8 @@ class World:
         Floor as line sensors see it.
     distances : callable
         Function of x, y and the axes of IR sensors in radians: the distances that they measure.
+    compiled : bool
+        Whether what can be is computed in machine code.
     """
 
     lab: Lab
@@ -40,6 +42,7 @@ class World:
     walls: WallMap
     floor: Floor
     distances: Distances
+    compiled: bool = False
     _hiding: dict[float, WallMap] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -65,7 +68,15 @@ class World:
             except ImportError:
                 raise UsageError("compiled=True needs numba: pip install 'ciberrato[fast]'") from None
             distances = compiled_distances(walls)
-        return cls(lab=lab, grid=grid, parameters=parameters, walls=walls, floor=floor, distances=distances)
+        return cls(
+            lab=lab,
+            grid=grid,
+            parameters=parameters,
+            walls=walls,
+            floor=floor,
+            distances=distances,
+            compiled=compiled,
+        )
 
     def walls_hiding(self, height: float) -> WallMap:
         """Return the walls that hide a beacon of some height: those at least as high, border included."""

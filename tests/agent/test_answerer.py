@@ -34,11 +34,15 @@ def measures(
 class Bench:
     """An answerer, what it has sent, and the time."""
 
-    def __init__(self, *, roams: bool = True, parameters: Parameters = PARAMETERS) -> None:
+    def __init__(
+        self, *, roams: bool = True, parameters: Parameters = PARAMETERS, lockstep: bool = False
+    ) -> None:
         self.sent: list[tuple[float, Actions]] = []
         self.told: list[Answered] = []
         self.now = 100.0
-        setup = AnswererSetup(parameters=parameters, angles=ANGLES, cruise=0.1, roams=roams)
+        setup = AnswererSetup(
+            parameters=parameters, angles=ANGLES, cruise=0.1, roams=roams, lockstep=lockstep
+        )
         self.answerer = Answerer(setup, self._send, self.told.append)
 
     def _send(self, data: bytes) -> None:
@@ -117,18 +121,28 @@ def test_a_robot_that_roams_goes_on_by_its_sensors() -> None:
     for time in range(30):
         bench.hear(measures(time))
         bench.pass_time(bench.now + CYCLE)
-    # The first few messages do not show yet whether the simulator waits for the agent.
-    assert [answer.answers for answer in bench.told] == list(range(3, 30))
+    assert [answer.answers for answer in bench.told] == list(range(30))
     assert all(0.0 < answer.command[0] <= 0.1 for answer in bench.told)
 
 
-def test_a_simulator_that_waits_is_answered_by_decisions_only() -> None:
-    bench = Bench()
+@pytest.mark.parametrize("pace", [0.01, 1.0, 3.0])
+def test_a_simulator_in_lockstep_is_answered_by_decisions_only_at_any_pace(pace: float) -> None:
+    bench = Bench(lockstep=True)
     for time in range(10):
-        bench.hear(measures(time), after=3.0 * CYCLE)
+        bench.hear(measures(time), after=pace * CYCLE)
         assert math.isinf(bench.answerer.due)
         bench.decide(time, 0.15, -0.15)
     assert [command(actions) for _, actions in bench.sent] == [(0.15, -0.15)] * 10
+
+
+@pytest.mark.parametrize("pace", [0.01, 3.0])
+def test_a_simulator_that_shows_another_pace_is_taken_to_wait(pace: float) -> None:
+    bench = Bench()
+    for time in range(10):
+        bench.hear(measures(time), after=pace * CYCLE)
+        assert math.isinf(bench.answerer.due) is (time >= 3)  # real time, as the real one, until then
+        bench.decide(time, 0.05, 0.05)
+    assert [command(actions) for _, actions in bench.sent] == [(0.05, 0.05)] * 10
 
 
 def test_of_messages_that_come_together_the_newest_is_answered_and_the_rest_counted() -> None:
@@ -237,3 +251,28 @@ def test_a_robot_without_any_decision_drives_and_does_not_collide(lab_name: str,
     outcomes = [roam(lab_name, seed, 240, delay) for seed in range(1, 6)]
     assert [collisions for collisions, _ in outcomes] == [0] * 5
     assert min(driven for _, driven in outcomes) > 3.0
+
+
+@pytest.mark.parametrize(
+    ("seed", "late", "cycles"),
+    [
+        (1014, 0.03, 2.5),
+        (1019, 0.05, 6.0),
+        (1013, 0.2, 4.0),
+        (1021, 0.02, 12.0),
+        (1007, 0.1, 2.5),
+        (1024, 0.1, 2.5),
+        (2011, 0.0, 2.5),
+        (2007, 0.03, 2.5),
+        (2041, 0.1, 4.0),
+    ],
+)
+def test_the_end_of_a_thin_wall_between_two_cones_is_not_driven_into(
+    seed: int, late: float, cycles: float
+) -> None:
+    """The robot met it in each of these runs, whether its answers were late or not, before it remembered."""
+
+    def delay(chance: random.Random) -> float:
+        return chance.uniform(1.0, cycles) if chance.random() < late else 0.05
+
+    assert roam("maze", seed, 240, delay)[0] == 0

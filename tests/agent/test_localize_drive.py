@@ -34,7 +34,7 @@ def test_the_log_of_another_drive_is_weighed_by_the_pose_filter(
     lab = tmp_path / "small_lab.xml"
     lab.write_text(LAB)
     parameters = Parameters(sim_time=0)
-    grid = StartGrid(positions=(GridPosition(x=1.0, y=4.2, direction=77.0),))
+    grid = StartGrid(positions=(GridPosition(x=1.0, y=4.2, direction_deg=77.0),))
     simulation = Simulation(read_lab(lab), grid, parameters, seed=3)
     robot = simulation.register(RobotRegistration(name="l", sensor_angles=tuple(enumerate(ANGLES))))
     assert robot is not None

@@ -86,7 +86,7 @@ def test_what_comes_behind_the_answer_is_kept(interrupts: Interrupts) -> None:
     answer = ask(link, interrupts)
     assert isinstance(answer, registration.Answer)
     assert answer.acceptance.n_beacons == 1
-    assert answer.following == (MEASURES, MEASURES)
+    assert [one.data for one in answer.following] == [MEASURES, MEASURES]
     assert [decode_registration(data) for data in link.asked] == [ROBOT]
 
 

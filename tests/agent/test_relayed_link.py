@@ -8,24 +8,31 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from agent.drives.exchange import Answered
-from agent.run.answerer import AnswererSetup
 from agent.run.channel import Channel
 from agent.run.relayed_link import Relay, can_relay
 from ciberrato.net.link import Arrival
 from ciberrato.net.udp import UdpLink
-from ciberrato.protocol import Acceptance, Actions, Measures, RobotRegistration, decode_actions, encode
+from ciberrato.protocol import (
+    Acceptance,
+    Actions,
+    Measures,
+    RobotRegistration,
+    decode_actions,
+    decode_simulator_message,
+    encode,
+)
 from ciberrato.world.parameters import Parameters
 
 PARAMETERS = Parameters(sim_time=0)
-SETUP = AnswererSetup(parameters=PARAMETERS, angles=(0.0, 60.0, -60.0, 180.0), cruise=0.1, roams=True)
+ANGLES = (0.0, 60.0, -60.0, 180.0)
 PATIENCE = 60.0
 
 needs_relay = pytest.mark.skipif(not can_relay(), reason="this system hands no sockets over")
 
 
-def measures(time: int) -> bytes:
+def measures(time: int, *, start: bool = False) -> bytes:
     return encode(
-        Measures(time=time, start=False, collision=False, compass=0.0, infrared=(0.5, 0.5, 0.5, 0.5))
+        Measures(time=time, start=start, collision=False, compass=0.0, infrared=(0.5, 0.5, 0.5, 0.5))
     )
 
 
@@ -49,7 +56,7 @@ def test_records_of_any_length_arrive_whole_and_in_order() -> None:
 
 
 class Meeting:
-    """A simulator's socket, and a link that was handed over after the registration there."""
+    """A simulator's socket, and a link that the answering process has registered there."""
 
     def __init__(self) -> None:
         self.main = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -57,13 +64,18 @@ class Meeting:
         self.main.settimeout(PATIENCE)
         self.direct = UdpLink("127.0.0.1", self.main.getsockname()[1])
         self.relay = Relay()
-        self.direct.register(encode(RobotRegistration(name="r")))
-        _, self.client = self.main.recvfrom(2000)
-        self.main.sendto(encode(Acceptance(parameters=PARAMETERS)), self.client)
-        assert self.direct.receive(PATIENCE) is not None
-        self.link = self.relay.take_over(self.direct, (measures(0),), SETUP)
+        self.link = self.relay.take_over(self.direct, ANGLES, 0.1, roams=True)
         self.heard: list[Arrival] = []
         self.told: list[Answered] = []
+        self.link.register(encode(RobotRegistration(name="r")))
+        _, self.client = self.main.recvfrom(2000)
+
+    def accept(self, *, lockstep: bool = False) -> None:
+        """Accept the robot, and send the Measures of time 0 behind."""
+        self.main.sendto(encode(Acceptance(parameters=PARAMETERS, lockstep=lockstep)), self.client)
+        self.main.sendto(measures(0), self.client)
+        self.listen(lambda: len(self.heard) == 2)
+        assert isinstance(decode_simulator_message(self.heard.pop(0).data), Acceptance)
 
     def listen(self, until: Callable[[], bool]) -> None:
         """Receive until something has come."""
@@ -84,6 +96,7 @@ class Meeting:
 @pytest.fixture
 def meeting() -> Iterator[Meeting]:
     met = Meeting()
+    met.accept()
     yield met
     met.close()
 
@@ -116,7 +129,6 @@ def test_nothing_is_sent_after_the_agent_has_taken_the_link_back(meeting: Meetin
 
 @needs_relay
 def test_a_process_that_was_killed_leaves_the_link_to_the_agent(meeting: Meeting) -> None:
-    meeting.listen(lambda: bool(meeting.heard))
     meeting.relay.process.kill()
     meeting.relay.process.wait()
     meeting.main.sendto(measures(1), meeting.client)
@@ -129,7 +141,6 @@ def test_a_process_that_was_killed_leaves_the_link_to_the_agent(meeting: Meeting
 
 @needs_relay
 def test_when_the_agent_is_gone_the_robot_is_stopped(meeting: Meeting) -> None:
-    meeting.listen(lambda: bool(meeting.heard))
     meeting.link.abandon()
     assert meeting.answer() == Actions(left_motor=0.0, right_motor=0.0)
     assert meeting.relay.process.wait(PATIENCE) == 0
@@ -140,3 +151,47 @@ def test_a_process_that_gets_no_link_ends() -> None:
     relay = Relay()
     relay.close()
     assert relay.process.returncode == 0
+
+
+@needs_relay
+def test_the_first_message_that_counts_is_answered_while_the_agent_does_nothing(meeting: Meeting) -> None:
+    meeting.main.sendto(measures(0, start=True), meeting.client)
+    assert meeting.answer().left_motor is not None  # before the agent has looked at anything
+    meeting.listen(lambda: bool(meeting.told))
+    assert meeting.told[0].answers == 0
+    assert meeting.link.registered is not None
+
+
+@needs_relay
+def test_a_simulator_that_says_it_is_in_lockstep_is_answered_by_decisions_only() -> None:
+    meeting = Meeting()
+    try:
+        meeting.accept(lockstep=True)
+        meeting.main.sendto(measures(0, start=True), meeting.client)
+        meeting.listen(lambda: len(meeting.heard) == 2)
+        meeting.link.decide(0, encode(Actions(left_motor=0.05, right_motor=0.05)))
+        assert meeting.answer().left_motor == 0.05
+        # What the process has received before it ends is not lost.
+        meeting.main.sendto(measures(1, start=True), meeting.client)
+        meeting.link.wait(PATIENCE)
+        meeting.link.release()
+        meeting.heard.clear()
+        meeting.listen(lambda: bool(meeting.heard))
+        assert [one.data for one in meeting.heard] == [measures(1, start=True)]
+        assert meeting.direct.peer == meeting.main.getsockname()
+    finally:
+        meeting.close()
+
+
+@needs_relay
+def test_a_registration_is_sent_again_until_one_is_accepted_and_not_after() -> None:
+    meeting = Meeting()
+    try:
+        meeting.link.register(encode(RobotRegistration(name="r")))
+        assert meeting.main.recvfrom(2000)[1] == meeting.client
+        meeting.accept()
+        meeting.link.register(encode(RobotRegistration(name="r")))  # it has crossed the acceptance
+        meeting.link.decide(0, encode(Actions(left_motor=0.05, right_motor=0.05)))
+        assert meeting.answer().left_motor == 0.05  # and no registration before
+    finally:
+        meeting.close()

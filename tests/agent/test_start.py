@@ -57,6 +57,12 @@ def test_numpy_is_loaded_after_the_registration_has_left(tmp_path, transport):
     assert not loaded & {"numpy", "scipy", "numba", "ciberrato.localization.pose_filter"}
 
 
+def test_the_process_that_answers_is_soon_there():
+    program = "import json, sys, agent.run.answering; print(json.dumps(sorted(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not set(json.loads(done.stdout)) & {"numpy", "asyncio", "ciberrato.client.robot"}
+
+
 def test_a_simulator_loads_nothing_that_only_filters_use():
     program = "import json, sys, simulator_stub.assembly; print(json.dumps(sorted(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -84,7 +84,7 @@ def test_more_noise_and_more_certainty_take_no_less_time(tables):
 @pytest.mark.parametrize("start", [(1.0, 1.0, 0.0), (7.0, 5.0, 90.0), (3.0, 5.0, 180.0)])
 def test_no_run_of_active_is_faster(tables, start):
     parameters = Parameters(sim_time=0, compass_sensor=False)
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
     simulation = Simulation(LAB, grid, parameters, 3)
     robot = simulation.register(RobotRegistration(name="a", sensor_angles=tuple(enumerate(ANGLES))))
     pose_filter, drive = (

@@ -190,6 +190,7 @@ async def look_on(url: str, number: int, seen: Seen) -> None:
             max_size=None,
             ping_interval=None,
             compression=None,
+            open_timeout=None,  # on a machine that has no time a page comes late, and not never
         ) as connection:
             while time.monotonic() < until:
                 text = await connection.recv()
@@ -262,7 +263,12 @@ async def soak(seconds: float, speed: float, folder: Path) -> Seen:
             side += [asyncio.create_task(look_on(url, number, seen)) for number in range(PAGES)]
             end = time.monotonic() + seconds
             agents = [take_part(port, 1 + number, end, seen, speed) for number in range(AGENTS)]
-            await asyncio.gather(*agents)
+            work = asyncio.gather(*agents)
+            await asyncio.wait([work, *side], return_when=asyncio.FIRST_COMPLETED)
+            if not work.done():  # who looks on has failed: an hour later is too late to say so
+                work.cancel()
+                raise AssertionError([task.exception() for task in side if task.done()])
+            await work
             while len(json.loads((folder / "result.json").read_text())["runs"]) < len(seen.registered):
                 await asyncio.sleep(0.1)  # the last run goes on to its end, and so does its record
             simulator.terminate()

@@ -7,8 +7,8 @@ import pytest
 from ciberrato.client.pace import LOCKSTEP_VARIABLE, Pace
 
 
-def heard(seconds_a_cycle, cycles=30, cycle_time=50.0):
-    pace = Pace(cycle_time)
+def heard(seconds_a_cycle, cycles=30, cycle_time=50.0, **told):
+    pace = Pace(cycle_time, **told)
     for cycle in range(cycles):
         pace.heard(100.0 + cycle * seconds_a_cycle, cycle)
     return pace
@@ -39,3 +39,12 @@ def test_a_burst_after_a_cut_is_still_real_time():
 def test_lockstep_can_be_told(monkeypatch):
     monkeypatch.setenv(LOCKSTEP_VARIABLE, "1")
     assert not heard(0.05).is_real_time
+
+
+def test_what_the_simulator_says_counts_from_the_first_message_on():
+    for cycles in (0, 1, 30):
+        assert not heard(0.05, cycles, lockstep=True, presumed=True).is_real_time
+        assert heard(0.05, cycles, lockstep=True).is_known
+        assert heard(0.05, cycles, presumed=True).is_real_time
+    assert heard(0.001, 3, presumed=True).is_real_time
+    assert not heard(0.001, 4, presumed=True).is_real_time

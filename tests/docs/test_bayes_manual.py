@@ -28,12 +28,14 @@ def test_each_model_in_the_tables_is_a_module_and_each_module_is_in_the_tables(p
     helpers = {
         "__init__",
         "displacements",
+        "fans",
         "pose_kernel",
         "odometry_reading",
         "normal",
         "in_machine_code",
         "inputs",
         "lattice",
+        "long_rows",
         "passes",
         "selected",
     }

@@ -26,7 +26,7 @@ PARAMETERS = Parameters(sim_time=0)
 
 
 def begin(lab: Lab, start: tuple[float, float, float], angles: tuple[float, ...], seed: int = 1):
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
     simulation = Simulation(lab, grid, PARAMETERS, seed=seed)
     robot = simulation.register(RobotRegistration(name="s", sensor_angles=tuple(enumerate(angles))))
     assert robot is not None

@@ -76,7 +76,7 @@ def tables(lab: Lab) -> tuple[PoseTables, PoseTables]:
 def simulate(
     lab: Lab, start: tuple[float, float, float], parameters: Parameters, seed: int = 2
 ) -> Simulation:
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
     return Simulation(lab, grid, parameters, seed)
 
 

@@ -57,7 +57,7 @@ def explore(
     localizer = PoseFilter(lab, PARAMETERS, ANGLES, tables=worker, budget=1e9)  # type: ignore[arg-type]
     header = RunHeader(lab_name="", lab_sha256="", parameters=PARAMETERS, sensor_angles=ANGLES)
     controller = LiveController(header, localizer, make_drive("explore", lab, PARAMETERS, ANGLES))
-    grid = StartGrid(positions=(GridPosition(x=1.0, y=1.0, direction=30.0),))
+    grid = StartGrid(positions=(GridPosition(x=1.0, y=1.0, direction_deg=30.0),))
     simulation = Simulation(lab, grid, PARAMETERS, seed=2)
     robot = simulation.register(RobotRegistration(name="late", sensor_angles=tuple(enumerate(ANGLES))))
     assert robot is not None

@@ -44,7 +44,7 @@ def drive(
     believed: tuple[float, float, float] | None = None,
 ) -> tuple[np.ndarray, int]:
     """Poses of a run, and how often it ran into something; the belief may be fixed to a wrong pose."""
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
     simulation = Simulation(lab, grid, parameters, seed=4)
     robot = simulation.register(RobotRegistration(name="r", sensor_angles=tuple(enumerate(ANGLES))))
     assert robot is not None

@@ -43,7 +43,7 @@ def running(module, *words, folder):
 
 def over_the_wire(transport, lab_name, start, seed, folder):
     """Readings of each step and the belief file of the real processes."""
-    pose = f"{start.x:g},{start.y:g},{start.direction:g}"
+    pose = f"{start.x:g},{start.y:g},{start.direction_deg:g}"
     simulator_words = ["--lab", lab_name, "--grid", pose, "--seed", str(seed), "--port", "0"]
     simulator_words += [
         "--bind",

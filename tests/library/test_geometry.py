@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ciberrato.files.lab import default_lab, read_lab
-from ciberrato.geometry.nearest_faces import least
+from ciberrato.geometry.face_index import FaceIndex, least
 from ciberrato.geometry.walls import WallMap
 from ciberrato.labs import find_lab, names
 from ciberrato.world.lab import Lab, Wall
@@ -138,6 +138,31 @@ def test_least_values_in_order(values, count):
     kept = [values[index] for index in found]
     assert kept == sorted(values)[:count]
     assert all(a != b or i < j for a, b, i, j in zip(kept, kept[1:], found, found[1:], strict=False))
+
+
+@pytest.mark.parametrize("spread", [1.0, 30.0, 2000.0])
+def test_nearest_faces_by_tiles_are_those_of_all(monkeypatch, spread, rng):
+    """Short faces and long ones, clusters and empty plains; points beyond them all, too."""
+    monkeypatch.setattr("ciberrato.geometry.face_index._FEW", 1000)
+    start = np.concatenate((rng.uniform(0.0, 200.0, (2500, 2)), rng.normal(90.0, 1.0, (800, 2))))
+    angles, length = rng.uniform(-math.pi, math.pi, len(start)), rng.exponential(0.7, len(start))
+    length[:40] *= spread
+    direction = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    end = start + length[:, np.newaxis] * direction
+    index = FaceIndex(start, end, direction, length)
+    looked_at = []
+    for x, y in (*rng.uniform(-60.0, 260.0, (60, 2)), (90.0, 90.0), (1e6, -1e6)):
+        offset = np.array((x, y)) - start
+        along = np.clip((offset * direction).sum(axis=1), 0.0, length)
+        gap = offset - along[:, np.newaxis] * direction
+        expected = np.sort(np.hypot(gap[:, 0], gap[:, 1]))
+        for count in (1, 257, 5000):
+            faces, bounds = index.nearest(x, y, count, 0.25)
+            assert bounds.tolist() == (expected[:count] - 0.25).tolist()
+            assert (np.hypot(*gap[faces].T) - 0.25).tolist() == bounds.tolist()
+            assert len({*faces.tolist()}) == min(count, len(start))
+        looked_at.append(index._around(x, y, 3)[0].size)
+    assert spread > 100.0 or np.median(looked_at) < 0.3 * len(start)
 
 
 def exact_block(a, b, c, d) -> bool:

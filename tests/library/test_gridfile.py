@@ -9,18 +9,18 @@ from ciberrato.world.start_grid import GridPosition
 
 
 def test_built_in_grid():
-    assert default_grid().positions == (GridPosition(x=9.0, y=3.0, direction=0.0),)
+    assert default_grid().positions == (GridPosition(x=9.0, y=3.0, direction_deg=0.0),)
 
 
 def test_grids_that_ship_are_read():
     for name in names("grid"):
         assert read_grid(find_grid(name)).positions
-    assert read_grid(find_grid("standard")).positions[0] == GridPosition(x=5.0, y=7.0, direction=0.0)
+    assert read_grid(find_grid("standard")).positions[0] == GridPosition(x=5.0, y=7.0, direction_deg=0.0)
 
 
 def test_directions_are_kept_as_written():
     grid = parse_grid(b'<Grid>\\n"<Position X="1" Y="2" Dir="720"/><Position Dir="-90"/></Grid>')
-    assert [position.direction for position in grid.positions] == [720.0, -90.0]
+    assert [position.direction_deg for position in grid.positions] == [720.0, -90.0]
 
 
 def test_warnings_have_a_line():

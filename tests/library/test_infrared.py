@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from ciberrato.geometry.walls import WallMap
+from ciberrato.infrared.cone_arrays import many_cone_distances
+from ciberrato.infrared.cone_scalar import single_cone_distances
+from ciberrato.infrared.face_tables import LabTables
 from ciberrato.infrared.model import (
     HALF_APERTURE,
     SENSOR_OFFSET,
@@ -102,6 +105,24 @@ def test_one_robot_sees_beyond_the_list_of_near_faces(monkeypatch, clutter, rng)
         for px, py, axis in zip(x.tolist(), y.tolist(), direction.tolist(), strict=True)
     ]
     np.testing.assert_allclose(single, sensor_distances(walls, x, y, direction), rtol=1e-12)
+
+
+@pytest.mark.parametrize("candidates", [(20, 50), (5,), (500,)])
+def test_tables_of_the_nearest_faces_only_see_as_far(monkeypatch, clutter, rng, candidates):
+    """As in labs of very many faces."""
+    monkeypatch.setattr("ciberrato.infrared.face_tables._MOST_FACES", 10)
+    monkeypatch.setattr("ciberrato.geometry.visible_faces.CANDIDATES", candidates)
+    x, y, direction = poses(WallMap.from_lab(clutter), rng, 300)
+    axes = direction, np.cos(direction), np.sin(direction)
+    expected = [
+        single_cone_distances(WallMap.from_lab(clutter), *pose, 0.0)[0]
+        for pose in zip(x.tolist(), y.tolist(), direction[:, np.newaxis].tolist(), strict=True)
+    ]
+    tables = LabTables(WallMap.from_lab(clutter))
+    many = many_cone_distances(tables, x, y, *axes)
+    np.testing.assert_allclose(many, expected, rtol=1e-12)
+    rows = tables.rows_at(x, y)
+    assert (tables.touched_count[rows[rows >= 0]] > 0).any()
 
 
 def test_a_sensor_on_a_face_follows_the_angle_rules(shipped):

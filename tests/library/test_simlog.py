@@ -35,7 +35,7 @@ def test_a_log_of_the_real_simulator_is_read_whole() -> None:
     assert (log.header.parameters.sim_time, log.header.parameters.compass_sensor) == (400, False)
     assert log.header.n_beacons == 3
     assert log.header.lab == read_lab(LOG2 / "lab.xml")
-    assert [(p.x, p.y, p.direction) for p in log.header.grid.positions] == [(5, 7, 0), (7.5, 7.1, 180)]
+    assert [(p.x, p.y, p.direction_deg) for p in log.header.grid.positions] == [(5, 7, 0), (7.5, 7.1, 180)]
     assert [record.time for record in log.records] == list(range(401))
     assert log.robot_ids == (1, 2)
     first, last = log.records[0].robot(1), log.records[-1].robot(2)

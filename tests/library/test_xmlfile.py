@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import errno
 import os
+import tracemalloc
 
 import pytest
 
@@ -43,6 +44,17 @@ def test_a_file_without_end():
         pytest.skip("no /dev/zero")
     with pytest.raises(LabError, match="/dev/zero: is larger than 16 MiB"):
         read_lab("/dev/zero")
+
+
+def test_a_small_file_takes_little_memory(tmp_path):
+    path = tmp_path / "lab.xml"
+    path.write_bytes(b"<Lab/>")
+    tracemalloc.start()
+    try:
+        assert xmlfile.read_file(path) == b"<Lab/>"
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_the_longest_file_that_is_read(tmp_path, monkeypatch):

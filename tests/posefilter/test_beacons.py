@@ -33,7 +33,7 @@ def lit_lab(small_lab):
 
 def readings_at(lab, parameters, pose, count, seed=1):
     """Readings of a robot of the simulator that stands at a pose (degrees)."""
-    grid = StartGrid(positions=(GridPosition(x=pose[0], y=pose[1], direction=pose[2]),))
+    grid = StartGrid(positions=(GridPosition(x=pose[0], y=pose[1], direction_deg=pose[2]),))
     simulation = Simulation(lab, grid, parameters, seed)
     robot = simulation.register(RobotRegistration(name="b"))
     yield simulation.launch()[robot].beacons
@@ -149,7 +149,7 @@ def test_exact_scores_prefer_the_true_pose(lit_lab):
 def follow(lab, tables, parameters, cycles):
     """Explore from a pose; return the cycles from which on it was known, and the last error."""
     coarse, fine = tables
-    grid = StartGrid(positions=(GridPosition(x=6.8, y=1.2, direction=-130.0),))
+    grid = StartGrid(positions=(GridPosition(x=6.8, y=1.2, direction_deg=-130.0),))
     simulation = Simulation(lab, grid, parameters, 4)
     robot = simulation.register(RobotRegistration(name="b", sensor_angles=tuple(enumerate(ANGLES))))
     pose_filter = staged_filter(lab, coarse, fine, parameters)

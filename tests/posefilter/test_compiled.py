@@ -111,7 +111,7 @@ def test_distances_are_the_same(loops, name):
 def drive(lab, coarse, fine, start, cycles):
     """Drive about in a simulation; give the estimates and the filter at the end."""
     parameters = Parameters(sim_time=0)
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
     world = Simulation(lab, grid, parameters, 5)
     robot = world.register(RobotRegistration(name="g", sensor_angles=tuple(enumerate(ANGLES))))
     pose_filter = staged_filter(lab, coarse, fine, parameters)

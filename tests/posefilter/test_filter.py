@@ -24,7 +24,7 @@ class Run:
     """A robot in the small lab, a filter, and a drive."""
 
     def __init__(self, lab, pose_filter, start, parameters=DEFAULT, seed=1, drive="explore", goal=None):
-        grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+        grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
         self.simulation = Simulation(lab, grid, parameters, seed)
         registration = RobotRegistration(name="g", sensor_angles=tuple(enumerate(ANGLES)))
         self.robot = self.simulation.register(registration)

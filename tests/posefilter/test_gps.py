@@ -36,7 +36,9 @@ FIELD = Lab(name="field", width=2000.0, height=2000.0)
 def drive(parameters, seed, cycles):
     """Yield (motion as commanded, GPS reading, true pose) of a robot in the open: straights and turns."""
     generator = np.random.default_rng(seed)
-    grid = StartGrid(positions=(GridPosition(x=1000.0, y=1000.0, direction=generator.uniform(-180, 180)),))
+    grid = StartGrid(
+        positions=(GridPosition(x=1000.0, y=1000.0, direction_deg=generator.uniform(-180, 180)),)
+    )
     simulation = Simulation(FIELD, grid, parameters, seed=seed)
     robot = simulation.register(RobotRegistration(name="g"))
     measures = simulation.launch()[robot]
@@ -164,7 +166,7 @@ def wander(lab, pose_filter, start, parameters, seed=1, angles=(0.0, 60.0, -60.0
     """Yield the simulation after each message that the filter has taken in."""
     from agent.drives import make_drive
 
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
     simulation = Simulation(lab, grid, parameters, seed)
     robot = simulation.register(RobotRegistration(name="g", sensor_angles=tuple(enumerate(angles))))
     explore = make_drive("explore", lab, parameters, angles)

@@ -26,7 +26,7 @@ PARAMETERS = Parameters(sim_time=0)
 
 
 def simulation(lab, start=(1.0, 4.2, 77.0)):
-    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+    grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
     world = Simulation(lab, grid, PARAMETERS, 1)
     robot = world.register(RobotRegistration(name="g", sensor_angles=tuple(enumerate(ANGLES))))
     return world, robot, world.launch()[robot]

@@ -40,7 +40,7 @@ def test_the_sum_of_misfits_tells_the_labs_apart(small_lab, coarse_tables, fine_
     lab = small_lab if is_right else OTHER
     tables = (coarse_tables, fine_tables) if is_right else (build_tables(OTHER, ANGLES, 2.0 / 9.0), None)
     found = staged_filter(lab, *tables, PARAMETERS)
-    grid = StartGrid(positions=(GridPosition(x=1.0, y=4.2, direction=77.0),))
+    grid = StartGrid(positions=(GridPosition(x=1.0, y=4.2, direction_deg=77.0),))
     simulation = Simulation(small_lab, grid, PARAMETERS, seed=3)
     robot = simulation.register(RobotRegistration(name="m", sensor_angles=tuple(enumerate(ANGLES))))
     drive = make_drive("explore", lab, PARAMETERS, ANGLES)

@@ -109,7 +109,7 @@ def test_the_cloud_spreads_on_its_way_as_robots_in_the_simulator_do(fine_tables)
 def drive(small_lab, coarse_tables, fine_tables):
     """Return the poses, the estimates and the lattice's estimates of a drive around the small lab."""
     parameters = dataclasses.replace(PARAMETERS, sim_time=0)
-    grid = StartGrid(positions=(GridPosition(x=3.0, y=1.0, direction=0.0),))
+    grid = StartGrid(positions=(GridPosition(x=3.0, y=1.0, direction_deg=0.0),))
     simulation = Simulation(small_lab, grid, parameters, seed=3)
     robot = simulation.register(RobotRegistration(name="a", sensor_angles=tuple(enumerate(ANGLES))))
     pose_filter = staged_filter(small_lab, coarse_tables, fine_tables, parameters, start="centres")
@@ -157,7 +157,7 @@ def test_the_same_run_gives_the_same_estimates(small_lab, coarse_tables, fine_ta
     def poses():
         simulation = Simulation(
             small_lab,
-            StartGrid(positions=(GridPosition(x=3.0, y=1.0, direction=0.0),)),
+            StartGrid(positions=(GridPosition(x=3.0, y=1.0, direction_deg=0.0),)),
             PARAMETERS,
             seed=5,
         )

@@ -30,7 +30,7 @@ class Client:
     """A robot in a simulation, driven past walls by its readings alone."""
 
     def __init__(self, lab, start=(1.0, 4.2, 77.0), parameters=PARAMETERS, seed=1):
-        grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction=start[2]),))
+        grid = StartGrid(positions=(GridPosition(x=start[0], y=start[1], direction_deg=start[2]),))
         self.world = Simulation(lab, grid, parameters, seed)
         self.robot = self.world.register(RobotRegistration(name="x", sensor_angles=tuple(enumerate(ANGLES))))
         self.measures = self.world.launch()[self.robot]

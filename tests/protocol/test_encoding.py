@@ -78,7 +78,7 @@ from ciberrato.world.start_grid import GridPosition, StartGrid
         (Refusal(), b'<Reply Status="Refused"></Reply>\n\0'),
         (Restart(), b"<Restart/>\0"),
         (
-            StartGrid(positions=(GridPosition(x=9.0, y=3.0, direction=-0.0),)),
+            StartGrid(positions=(GridPosition(x=9.0, y=3.0, direction_deg=-0.0),)),
             b'<Grid>\n\t<Position X="9" Y="3" Dir="-0"/>\n</Grid>\n\0',
         ),
         (

@@ -166,7 +166,7 @@ labs = st.builds(
 )
 grids = st.builds(
     StartGrid,
-    positions=st.lists(st.builds(GridPosition, x=reals, y=reals, direction=reals), max_size=5).map(tuple),
+    positions=st.lists(st.builds(GridPosition, x=reals, y=reals, direction_deg=reals), max_size=5).map(tuple),
 )
 simulator_messages = st.one_of(
     measures,

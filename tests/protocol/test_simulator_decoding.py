@@ -160,6 +160,13 @@ def test_a_reply_with_the_short_parameters_of_a_log_player():
     assert decode_simulator_message(data) == Acceptance(parameters=parameters, n_beacons=0)
 
 
+def test_a_reply_says_whether_the_simulator_is_in_lockstep():
+    plain = encode(Acceptance(parameters=Parameters()))
+    told = encode(Acceptance(parameters=Parameters(), lockstep=True))
+    assert told == plain.replace(b'Status="Ok"', b'Status="Ok" Lockstep="On"')
+    assert [decode_simulator_message(data).lockstep for data in (plain, told)] == [False, True]
+
+
 def test_replies():
     assert decode_simulator_message(b'<Reply Status="Refused"></Reply>\n\0') == Refusal()
     assert decode_simulator_message(b'<Reply Status="ok"/>') == Refusal()

@@ -43,8 +43,8 @@ def three_places() -> StartGrid:
     return StartGrid(
         positions=(
             GridPosition(x=3.0, y=5.0),
-            GridPosition(x=8.0, y=5.0, direction=90.0),
-            GridPosition(x=12.0, y=5.0, direction=225.0),
+            GridPosition(x=8.0, y=5.0, direction_deg=90.0),
+            GridPosition(x=12.0, y=5.0, direction_deg=225.0),
         )
     )
 

@@ -50,7 +50,7 @@ def lattice_starts(lab: Lab, count: int, rng: np.random.Generator) -> np.ndarray
 
 def single(lab: Lab, start: np.ndarray, parameters: Parameters, seed: int) -> Simulation:
     x, y, direction = (float(number) for number in start)
-    grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction),))
+    grid = StartGrid(positions=(GridPosition(x=x, y=y, direction_deg=direction),))
     simulation = Simulation(lab, grid, parameters, seed)
     simulation.register(RobotRegistration(sensor_angles=tuple(enumerate(ANGLES))))
     return simulation
@@ -172,7 +172,7 @@ def test_a_single_simulation_in_machine_code_is_the_same(name: str, quiet: Param
     starts = np.concatenate((free_starts(lab, 2, rng), lattice_starts(lab, 4, rng), [(-40.0, 5.0, 0.0)]))
     for start in starts:
         x, y, direction = (float(number) for number in start)
-        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction), GridPosition(x=5, y=5)))
+        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction_deg=direction), GridPosition(x=5, y=5)))
         runs = []
         for compiled in (False, True):
             simulation = Simulation(lab, grid, replace(quiet, sim_time=0), compiled=compiled)

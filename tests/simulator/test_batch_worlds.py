@@ -62,7 +62,7 @@ class Twins:
 
     def _simulation(self, world: int, seed: int) -> Simulation:
         x, y, direction = (float(number) for number in self.starts[world])
-        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction),))
+        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction_deg=direction),))
         simulation = Simulation(self.labs[world], grid, self.rules[world], seed, self.scoring or 0)
         simulation.register(RobotRegistration())
         return simulation

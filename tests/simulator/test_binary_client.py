@@ -7,6 +7,7 @@ import socket
 import struct
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 from ciberrato.net import UdpLink
 from ciberrato.protocol import (
@@ -135,8 +136,11 @@ def test_a_binary_agent_takes_the_first_free_place_or_is_refused() -> None:
             mouse.socket.close()
 
 
-def test_what_is_too_short_is_a_broken_message() -> None:
-    with serving("--lab", "maze", "--grid", "1,1,0", "--autostart", "1", "--speed", "50") as (port, notes):
+def test_what_is_too_short_is_a_broken_message(tmp_path: Path) -> None:
+    endless = tmp_path / "endless.xml"  # no slow machine comes to its end before the message does
+    endless.write_text('<Parameters SimTime="100000000"/>')
+    words = ("--param", str(endless), "--autostart", "1", "--speed", "50")
+    with serving("--lab", "maze", "--grid", "1,1,0", *words) as (port, notes):
         mouse = Mouse(port)
         with mouse.socket:
             mouse.socket.sendto(b"\x07", mouse.address)

@@ -69,7 +69,7 @@ def test_scoring_modes_have_names() -> None:
 
 def test_poses_may_be_given_in_place_and_are_not_announced() -> None:
     _, grid, parameters = world_of("--grid", "5,7,0; 9.5,-3,-90.5;")
-    positions = [(p.x, p.y, p.direction) for p in grid.positions]  # type: ignore[attr-defined]
+    positions = [(p.x, p.y, p.direction_deg) for p in grid.positions]  # type: ignore[attr-defined]
     assert positions == [(5.0, 7.0, 0.0), (9.5, -3.0, -90.5)]
     assert parameters.grid_file is None
 

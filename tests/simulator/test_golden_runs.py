@@ -59,7 +59,7 @@ def test_a_recorded_run_comes_out_again(name: str) -> None:
     parameters = replace(read_parameters(folder / "param_direct.xml"), sim_time=0)
     grid = StartGrid(
         positions=tuple(
-            GridPosition(x=x, y=y, direction=direction)
+            GridPosition(x=x, y=y, direction_deg=direction)
             for x, y, direction in scenario["start_poses_x_y_dirdeg"]
         )
     )

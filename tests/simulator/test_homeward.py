@@ -110,7 +110,9 @@ def test_a_robot_that_returns_from_its_start_is_shown_nothing_however_far_it_goe
 
 
 def test_a_robot_without_a_way_home_is_shown_nothing(quiet: Parameters) -> None:
-    too_near = GridPosition(x=9.5, y=5.0, direction=0.0)  # 0.3 from the wall: no disc of its size gets there
+    too_near = GridPosition(
+        x=9.5, y=5.0, direction_deg=0.0
+    )  # 0.3 from the wall: no disc of its size gets there
     simulation = returning(quiet, too_near)
     robot = simulation.robots[0]
     penalties = 2 * robot.collisions

@@ -17,7 +17,7 @@ from simulator_stub.simulation import Simulation
 
 
 def at(*poses: tuple[float, float, float]) -> StartGrid:
-    return StartGrid(positions=tuple(GridPosition(x=x, y=y, direction=d) for x, y, d in poses))
+    return StartGrid(positions=tuple(GridPosition(x=x, y=y, direction_deg=d) for x, y, d in poses))
 
 
 def simulate(

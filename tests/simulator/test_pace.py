@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ciberrato.protocol import Actions, encode
+from ciberrato.protocol import Acceptance, Actions, decode_simulator_message, encode
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
@@ -413,3 +413,15 @@ def test_the_settings_of_a_fixed_limit_wait_for_slow_answers(
     robots[0].deliver(MOVE)
     world.after(0.9, lambda: robots[1].deliver(MOVE))
     assert cycle_at(pace, session, world) == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_clients_are_told_of_lockstep_when_they_register(
+    session: Session, world: World, join: Any, told: bool
+) -> None:
+    pace = lockstep(session, world) if told else RealTime(session, PERIOD, clock=world.clock)
+    peer = join()
+    cycle_at(pace, session, world)
+    answer = decode_simulator_message(peer.received[0])
+    assert isinstance(answer, Acceptance)
+    assert answer.lockstep is told

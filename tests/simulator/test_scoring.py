@@ -178,7 +178,7 @@ def test_returning_to_where_one_is_costs_nothing(quiet: Parameters) -> None:
 
 
 def test_both_robots_of_a_collision_may_pay(quiet: Parameters) -> None:
-    grid = StartGrid(positions=(GridPosition(x=5, y=5), GridPosition(x=6.3, y=5, direction=180)))
+    grid = StartGrid(positions=(GridPosition(x=5, y=5), GridPosition(x=6.3, y=5, direction_deg=180)))
     simulation = launched(NO_WALLS, grid, quiet, 0, robots=2, collision_robot_penalty=7)
     for _ in range(10):
         simulation.step({number: Actions(left_motor=0.1, right_motor=0.1) for number in (1, 2)})

@@ -427,7 +427,7 @@ def test_lines_and_walls_are_seen_on_the_floor_but_not_the_border(quiet: Paramet
     readings = []
     poses = ((5.0, 4.0, 0.0), (5.0, 3.92, 0.0), (5.0, 4.08, 180.0), (5.0, 8.0, 0.0), (19.9, 9.0, 0.0))
     for x, y, direction in poses:
-        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction=direction),))
+        grid = StartGrid(positions=(GridPosition(x=x, y=y, direction_deg=direction),))
         simulation = Simulation(lab, grid, quiet)
         simulation.register(RobotRegistration())
         readings.append(simulation.step()[1].line)

@@ -40,14 +40,14 @@ def test_the_lab_in_which_it_was_met(quiet: Parameters) -> None:
 )
 def test_headings_of_several_turns(degrees: float, behind: float, quiet: Parameters) -> None:
     lab = read_lab(find_lab("maze"))
-    grid = StartGrid(positions=(GridPosition(x=17.0, y=1.0, direction=degrees),))
+    grid = StartGrid(positions=(GridPosition(x=17.0, y=1.0, direction_deg=degrees),))
     assert first_readings(lab, grid, quiet)[3] == behind
 
 
 def test_two_turns_are_gone_after_two_cycles(quiet: Parameters) -> None:
     lab = read_lab(find_lab("maze"))
     grids = [
-        StartGrid(positions=(GridPosition(x=17.0, y=1.0, direction=degrees),)) for degrees in (0.0, 720.0)
+        StartGrid(positions=(GridPosition(x=17.0, y=1.0, direction_deg=degrees),)) for degrees in (0.0, 720.0)
     ]
     turned, plain = (Simulation(lab, grid, quiet) for grid in reversed(grids))
     for simulation in (turned, plain):

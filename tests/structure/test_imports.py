@@ -73,8 +73,10 @@ SIMULATOR = {
     "sensors": {"world"},
     "scoring": {"world"},
     "robot_transitions": {"scoring", "world"},
-    "simulation": {"robot_transitions", "scoring", "sensors", "world"},
-    "batch": {"scoring", "sensors", "simulation", "world"},
+    "cycle_loops": {"sensors"},
+    "compiled_cycle": {"cycle_loops", "sensors", "world"},
+    "simulation": {"compiled_cycle", "robot_transitions", "scoring", "sensors", "world"},
+    "batch": {"cycle_loops", "scoring", "sensors", "simulation", "world"},
     "recording": {"simulation", "world"},
     "service": {"recording", "simulation", "world"},
 }
@@ -88,9 +90,14 @@ LAZY = {"scipy", "matplotlib", "numba", "lxml"}
 # Compiled loops: these modules are themselves imported only where the extra `fast` is asked for.
 ITSELF_LAZY = {
     "ciberrato/bayes/loops.py",
+    "ciberrato/bayes/motion_loops.py",
+    "ciberrato/bayes/ray_loops.py",
+    "ciberrato/bayes/scan_loops.py",
+    "ciberrato/bayes/vectors.py",
     "ciberrato/infrared/cone_compiled.py",
     "ciberrato/localization/belief/kernels.py",
     "simulator_stub/batch/loops.py",
+    "simulator_stub/cycle_loops.py",
 }
 
 

@@ -77,7 +77,9 @@ def test_things_as_they_are_used_are_short_and_say_what_they_are():
         walls=[Wall(corners=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))] * 5000,
         beacons=[Beacon()] * 9,
     )
-    grid = StartGrid(positions=[GridPosition(x=1.0 / 3.0, y=number, direction=90.0) for number in range(100)])
+    grid = StartGrid(
+        positions=[GridPosition(x=1.0 / 3.0, y=number, direction_deg=90.0) for number in range(100)]
+    )
     odd = Parameters(
         compass_noise=1.0 / 3.0,
         motors_noise=0.1,

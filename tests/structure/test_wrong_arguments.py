@@ -97,7 +97,7 @@ def test_numbers_of_numpy_and_lists_are_as_good():
     grid = StartGrid(positions=[GridPosition(x=1, y=1)])
     assert hash(grid) == hash(StartGrid(positions=(GridPosition(x=1, y=1),)))
     assert grid.positions[0].heading == 0.0
-    assert GridPosition(direction=180.0).heading == np.pi
+    assert GridPosition(direction_deg=180.0).heading == np.pi
 
 
 @pytest.mark.parametrize(

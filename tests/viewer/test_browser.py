@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shutil
@@ -142,6 +143,48 @@ def page(chromium: Any, world: World) -> Iterator[Any]:
     assert problems == []
 
 
+def becomes(page: Any, script: str, wanted: object, argument: object = None) -> None:
+    """Wait until ``script`` returns ``wanted``: parts of the page are drawn at moments of their own."""
+    same = f"([argument, wanted]) => JSON.stringify(({script})(argument)) === wanted"
+    text = json.dumps(wanted, ensure_ascii=False, separators=(",", ":"))
+    try:
+        page.wait_for_function(same, arg=[argument, text])
+    except Exception as error:
+        raise AssertionError(f"{page.evaluate(script, argument)!r} never became {wanted!r}") from error
+
+
+def attribute_becomes(page: Any, selector: str, name: str, wanted: str) -> None:
+    becomes(page, "([s, n]) => document.querySelector(s)?.getAttribute(n) ?? null", wanted, [selector, name])
+
+
+def text_becomes(page: Any, selector: str, wanted: str) -> None:
+    becomes(page, "(s) => document.querySelector(s)?.textContent ?? null", wanted, selector)
+
+
+def count_becomes(page: Any, selector: str, wanted: int) -> None:
+    becomes(page, "(s) => document.querySelectorAll(s).length", wanted, selector)
+
+
+def disabled_becomes(page: Any, selector: str, wanted: bool) -> None:
+    becomes(page, "(s) => document.querySelector(s)?.disabled", wanted, selector)
+
+
+def distance_exceeds(page: Any, robot: int, point: tuple[float, float], least: float) -> None:
+    """Wait until the robot is drawn more than ``least`` units from ``point``."""
+    script = r"""([robot, [x, y], least]) => {
+        const transform = document.querySelector(`.robot-g[data-robot="${robot}"]`).getAttribute('transform');
+        const [there, up] = transform.match(/-?[\d.]+(?:e-?\d+)?/g).map(Number);
+        return Math.hypot(there - x, up - y) > least;
+    }"""
+    page.wait_for_function(script, arg=[robot, point, least])
+
+
+def place_becomes(page: Any, robot: int, wanted: tuple[float, float]) -> None:
+    script = r"""(robot) => document.querySelector(`.robot-g[data-robot="${robot}"]`)
+        .getAttribute("transform").match(/-?[\d.]+(?:e-?\d+)?/g).slice(0, 2).map(Number)"""
+    becomes(page, script, list(wanted), robot)
+
+
 def place(page: Any, robot: int = 1) -> tuple[float, float]:
     transform = page.get_attribute(f'.robot-g[data-robot="{robot}"]', "transform")
     x, y = map(float, re.findall(r"-?[\d.]+(?:e-?\d+)?", transform))
@@ -159,24 +202,27 @@ def wait_for(page: Any, condition: str) -> None:
 
 
 def test_open_start_watch_stop_look_back_reset(world: World, page: Any) -> None:
-    assert page.text_content("#lab-name") == "Open"
-    assert page.is_disabled("#start")  # nobody is there to be started
+    text_becomes(page, "#lab-name", "Open")
+    disabled_becomes(page, "#start", True)  # no robot is there to be started
     world.robot("santos", 6)
     page.wait_for_selector('.robot-g[data-robot="6"]')
-    assert place(page, 6) == (3.0, 5.0)
+    place_becomes(page, 6, (3, 5))
     expect_text(page, "#robots .name", "^santos$")
     expect_text(page, "#phase", "ready")
 
     page.click("#start")
     expect_text(page, "#phase", "running")
     wait_for(page, "Number(document.querySelector('#time').textContent) > 40")
-    moved = place(page, 6)
-    assert math.dist(moved, (3.0, 5.0)) > 0.5
+    distance_exceeds(page, 6, (3.0, 5.0), 0.5)
 
     page.click("#stop")
     expect_text(page, "#phase", "stopped")
-    stopped = int(page.text_content("#time"))
-    wait_for(page, "document.querySelector('#start').disabled === false")
+    disabled_becomes(page, "#start", False)
+    # What the panels show is as old as a tenth of a second; the last cycle is that of the last frame.
+    wait_for(page, "ciberrato.state.frame.phase === 'stopped'")
+    stopped = int(page.evaluate("ciberrato.state.frame.time"))
+    text_becomes(page, "#time", str(stopped))
+    moved = place(page, 6)
 
     # Back to the first cycles: the robot is where it was, the simulator's time stands in the slider's end.
     page.fill("#scrubber", "10")
@@ -184,11 +230,11 @@ def test_open_start_watch_stop_look_back_reset(world: World, page: Any) -> None:
     wait_for(page, "window.ciberrato.store.gapAt(10) === false")
     at_ten = place(page, 6)
     assert math.dist(at_ten, (3.0, 5.0)) < math.dist(moved, (3.0, 5.0))
-    assert page.get_attribute("#live", "aria-pressed") == "false"
-    assert int(page.get_attribute("#scrubber", "max")) == stopped
+    attribute_becomes(page, "#live", "aria-pressed", "false")
+    attribute_becomes(page, "#scrubber", "max", str(stopped))
     page.fill("#scrubber", "0")
-    wait_for(page, "document.querySelector('#time').textContent === '0'")
-    assert place(page, 6) == (3.0, 5.0)
+    text_becomes(page, "#time", "0")
+    place_becomes(page, 6, (3, 5))
     page.click("#live")
     expect_text(page, "#time", f"^{stopped}$")
 
@@ -196,8 +242,8 @@ def test_open_start_watch_stop_look_back_reset(world: World, page: Any) -> None:
     page.click("#ask-yes")
     expect_text(page, "#phase", "no robots")
     page.wait_for_selector('#status[data-state="watching"]')
-    assert page.locator(".robot-g").count() == 0
-    assert page.text_content("#lab-name") == "Open"
+    count_becomes(page, ".robot-g", 0)
+    text_becomes(page, "#lab-name", "Open")
 
 
 def test_keys_do_what_buttons_do(world: World, page: Any) -> None:
@@ -213,12 +259,13 @@ def test_keys_do_what_buttons_do(world: World, page: Any) -> None:
     expect_text(page, "#phase", "stopped")
     scale = page.evaluate("ciberrato.camera.k")
     page.keyboard.press("+")
-    assert page.evaluate("ciberrato.camera.k") > scale
+    wait_for(page, f"ciberrato.camera.k > {scale}")
     page.keyboard.press("0")
-    assert page.evaluate("ciberrato.camera.k") == scale
+    wait_for(page, f"ciberrato.camera.k === {scale}")
     page.keyboard.press("f")
     page.wait_for_selector('#follow[aria-pressed="true"]')
-    now = int(page.text_content("#time"))
+    wait_for(page, "ciberrato.state.frame.phase === 'stopped'")
+    now = int(page.evaluate("ciberrato.state.frame.time"))
     page.keyboard.press(",")
     expect_text(page, "#time", f"^{now - 1}$")
     page.keyboard.press("l")
@@ -226,7 +273,7 @@ def test_keys_do_what_buttons_do(world: World, page: Any) -> None:
     page.wait_for_selector('.robot-g[data-robot="2"][data-chosen="false"]')
     dark = page.evaluate("document.documentElement.dataset.theme")
     page.keyboard.press("d")
-    assert page.evaluate("document.documentElement.dataset.theme") != dark
+    wait_for(page, f"document.documentElement.dataset.theme !== '{dark}'")
     page.keyboard.press("?")
     page.wait_for_selector("#keys[open]")
     page.keyboard.press("Escape")
@@ -263,7 +310,7 @@ def test_beliefs_and_shapes_of_an_agent_are_drawn_and_kept(world: World, page: A
             agent.send(OverlayMessage(source=EVIL, robot=1, time=time, belief=cells, shapes=shapes))
             expect_text(page, "#entropy", "^6.61$" if time == 0 else "^0.00$")
     expect_text(page, "#modes", r"^\(3, 3\) 100 %$")
-    assert page.locator('[data-shape="goal"]').count() == 1
+    count_becomes(page, '[data-shape="goal"]', 1)
     expect_text(page, "#scene", "onerror")  # as text
     assert page.evaluate("window.hit") is None
     painted = """([column, row]) => {
@@ -273,8 +320,8 @@ def test_beliefs_and_shapes_of_an_agent_are_drawn_and_kept(world: World, page: A
         return canvas.getContext('2d').getImageData(x * k, y * k, 1, 1).data[3];
     }"""
     wait_for(page, f"({painted})([1, 1]) > 200")
-    assert page.evaluate(painted, [9, 4]) == 0
-    assert page.locator("#curve path.entropy").count() == 1
+    becomes(page, painted, 0, [9, 4])
+    count_becomes(page, "#curve path.entropy", 1)
 
 
 def test_a_name_is_text_whatever_it_holds(world: World, page: Any) -> None:
@@ -313,17 +360,18 @@ def test_no_width_overflows_and_no_label_overprints_another(chromium: Any, world
             page.goto(world.url)
             page.wait_for_selector('.robot-g[data-robot="4"]')
             page.wait_for_selector("#events li:nth-child(4)")
+            page.wait_for_selector("#robots li:nth-child(4)")
             wait_for(page, "document.querySelectorAll('#scene > g:last-child > text').length >= 4")
             assert page.evaluate("document.documentElement.scrollWidth") <= width
-            assert page.evaluate(OUTSIDE) == [], width
-            assert page.evaluate(OVERPRINTED) == 0, width
+            becomes(page, OUTSIDE, [])
+            becomes(page, OVERPRINTED, 0)
             # The lab is as wide, or as high, as there is room for it.
-            share = page.evaluate("""() => {
+            share = """() => {
                 const { camera } = ciberrato, { top, bottom } = camera.insets;
                 const wide = camera.lab.width * camera.k / camera.width;
-                return Math.max(wide, camera.lab.height * camera.k / (camera.height - top - bottom));
-            }""")
-            assert share > 0.92, width
+                return Math.max(wide, camera.lab.height * camera.k / (camera.height - top - bottom)) > 0.92;
+            }"""
+            becomes(page, share, True)
             small = page.evaluate("""[...document.querySelectorAll('button, input, select')]
                 .filter((e) => e.offsetParent && e.getBoundingClientRect().height < 26).map((e) => e.id)""")
             assert small == []
@@ -337,30 +385,30 @@ def test_no_width_overflows_and_no_label_overprints_another(chromium: Any, world
 def test_long_names_are_cut_and_whole_for_those_who_hover(world: World, page: Any) -> None:
     world.robot(LONG, 1)
     world.robot(UNSEEN, 2)
-    page.wait_for_selector('.robot-g[data-robot="2"]')
-    expect_text(page, "#events", "registered")
-    wait_for(page, "document.querySelector('.tag[data-cut=true]') !== null")
-    assert page.text_content("#robots li:first-child .name").endswith("…")
-    assert page.get_attribute("#robots li:first-child .name", "title") == LONG
-    assert page.text_content('.robot-g[data-robot="1"] title') == LONG
-    assert page.text_content(".tag[data-cut=true] title") == LONG
-    assert LONG in page.get_attribute("#events li:last-child button", "title")
-    assert page.text_content("#robots li:last-child .name") == "a\ufffdb\ufffdc\ufffdd"
+    # Names come after the robots, and panels are drawn ten times a second.
+    expect_text(page, "#robots li:nth-child(1) .name", "^x+…$")
+    text_becomes(page, "#robots li:nth-child(2) .name", "a\ufffdb\ufffdc\ufffdd")
+    attribute_becomes(page, "#robots li:first-child .name", "title", LONG)
+    text_becomes(page, '.robot-g[data-robot="1"] title', LONG)
+    text_becomes(page, ".tag[data-cut=true] title", LONG)
+    titles = "[...document.querySelectorAll('#events li button')].map((one) => one.title)"
+    wait_for(page, f"{titles}.some((title) => title.includes('{LONG}'))")
 
 
 def test_the_events_have_no_needless_scroll_bar(world: World, page: Any) -> None:
     for position in range(1, 9):
         world.robot(f"mouse {position}", position)
     page.wait_for_selector("#events li:nth-child(8)")
-    bars = (
-        "(({ scrollWidth, clientWidth, scrollHeight, clientHeight }) => [scrollWidth - clientWidth, %s])(%s)"
-    )
-    events = "document.querySelector('#events')"
-    assert page.evaluate(bars % ("0", events)) == [0, 0]
+    page.wait_for_selector("#robots li:nth-child(8)")
+    bars = """(selector) => {
+        const { scrollWidth, clientWidth, scrollHeight, clientHeight } = document.querySelector(selector);
+        return [scrollWidth - clientWidth, scrollHeight - clientHeight];
+    }"""
+    becomes(page, f"(selector) => ({bars})(selector)[0]", 0, "#events")
     # Where the panel has room, all of them are seen.
     page.set_viewport_size({"width": 1280, "height": 1300})
-    assert page.evaluate(bars % ("scrollHeight - clientHeight", events)) == [0, 0]
-    assert page.evaluate(bars % ("scrollHeight - clientHeight", "document.querySelector('aside')")) == [0, 0]
+    becomes(page, bars, [0, 0], "#events")
+    becomes(page, bars, [0, 0], "aside")
 
 
 def test_projection_shows_the_lab_and_who_leads(world: World, page: Any) -> None:
@@ -371,9 +419,9 @@ def test_projection_shows_the_lab_and_who_leads(world: World, page: Any) -> None
     page.keyboard.press("w")
     page.wait_for_selector("#scores li:nth-child(3)")
     wait_for(page, f"ciberrato.camera.k > 1.2 * {before}")
-    assert page.url.endswith("#projection")
-    assert page.is_hidden("aside")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+    page.wait_for_url("**#projection")
+    page.wait_for_selector("aside", state="hidden")
+    wait_for(page, "document.documentElement.scrollWidth <= 1280")
     order = """async () => {
         const { ranking } = await import('/scoreboard.js');
         const robots = [[1, 5, 'Running'], [2, 9, 'Running'], [3, 99, 'Removed'], [4, 9, 'Finished']];
@@ -413,7 +461,7 @@ def test_the_state_of_a_simulator_that_is_gone_is_not_running(world: World, page
     expect_text(page, "#rate", "–")
     page.wait_for_selector('#status[data-state="searching"]')
     expect_text(page, "#phase", "^no contact$")
-    assert page.is_disabled("#stop")
+    disabled_becomes(page, "#stop", True)
 
 
 def test_a_page_without_a_simulator_says_where_it_looks(chromium: Any) -> None:
@@ -486,6 +534,7 @@ def test_the_true_cell_is_that_of_the_beliefs_own_cycle(world: World, page: Any)
     expect_text(page, "#phase", "stopped")
     page.fill("#scrubber", "0")
     expect_text(page, "#time", "^0$")
+    wait_for(page, "ciberrato.store.gapAt(0) === false")
     x, y = place(page)
     page.click("#live")
     cells = np.full((7, 14), 0.001)
@@ -495,18 +544,28 @@ def test_the_true_cell_is_that_of_the_beliefs_own_cycle(world: World, page: Any)
         expect_text(page, "#belief-when", r"^As of cycle 0, \d+ cycles ago; the robot was in \(\d+, \d+\)\.$")
     expect_text(page, "#true-cell", "^91 %$")
     # The ring is where the robot was, not where it is.
-    wait_for(page, "document.querySelector('.then') !== null")
+    page.wait_for_selector(".then", state="attached")
     ring = [float(page.get_attribute(".then", name)) for name in ("cx", "cy")]
     assert ring == pytest.approx([x, y])
-    assert math.dist(place(page), ring) > 0.3
+    distance_exceeds(page, 1, (x, y), 0.3)
     expect_text(page, "#scene .then-text", "^cycle 0$")
     page.fill("#scrubber", "0")
     wait_for(page, "document.querySelector('.then') === null")
 
 
 def test_the_page_comes_back_when_the_viewer_was_away(world: World, page: Any) -> None:
+    # As long as there is no connection the page says so ...
+    page.evaluate("ciberrato.socket.wait = 2 ** 31 - 1")
     page.evaluate("ciberrato.socket.socket.close()")
     page.wait_for_selector('#status[data-state="gone"]')
+    page.evaluate("ciberrato.socket.connect()")
+    page.wait_for_selector('#status[data-state="watching"]')
+    # ... and it makes a new one by itself, at times before the panels are drawn.
+    wait_for(page, "ciberrato.socket.wait < 1000")
+    page.evaluate("window.before = ciberrato.socket.socket")
+    page.evaluate("ciberrato.socket.socket.close()")
+    wait_for(page, "ciberrato.socket.socket !== window.before && ciberrato.socket.socket.readyState === 1")
+    wait_for(page, "ciberrato.state.connection === 'watching' && ciberrato.state.connected")
     page.wait_for_selector('#status[data-state="watching"]')
 
 

@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.checks import finite_array, positive, where
 
 _BLOCK = 32_768
+# From so many rays on machine code is worth its call, where it is loaded.
+_FEW = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,12 +126,32 @@ class OccupancyGrid:
         )
         result = np.empty(x.size)
         flat = x.ravel(), y.ravel(), angle.ravel()
+        if x.size >= _FEW and compiled.loaded() is not None:
+            self._cast_compiled(*flat, max_range / self.cell, result)
+            return result.reshape(x.shape) * self.cell
         for start in range(0, x.size, _BLOCK):
             block = slice(start, start + _BLOCK)
             px = (flat[0][block] - self.origin[0]) / self.cell
             py = (flat[1][block] - self.origin[1]) / self.cell
             result[block] = self._cast_block(px, py, flat[2][block], max_range / self.cell)
         return result.reshape(x.shape) * self.cell
+
+    def _cast_compiled(
+        self, x: FloatArray, y: FloatArray, angle: FloatArray, limit: float, out: FloatArray
+    ) -> None:
+        """Cast rays in machine code; cosines and sines are numpy's, and so all bits are."""
+        loops: Any = compiled.loaded()
+        given = (
+            (x - self.origin[0]) / self.cell,
+            (y - self.origin[1]) / self.cell,
+            np.cos(angle),
+            np.sin(angle),
+        )
+        compiled.share(
+            lambda begin, end: loops.cast_rays(*given, self._clearance, self.unknown, limit, out, begin, end),
+            out.size,
+            out.size,
+        )
 
     def _cast_block(self, px: FloatArray, py: FloatArray, angle: FloatArray, limit: float) -> FloatArray:
         ux, uy = np.cos(angle), np.sin(angle)

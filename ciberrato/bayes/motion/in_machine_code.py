@@ -27,6 +27,7 @@ def predict_compiled(
     free: BoolArray | None,
     turns: Sequence[tuple[float, float]],
     kernels: LatticeKernels,
+    work: dict[Any, FloatArray],
 ) -> FloatArray:
     """Return the belief after a turn, a drive and a turn, off numpy's by 1e-14 of the greatest entry.
 
@@ -41,6 +42,8 @@ def predict_compiled(
         In heading cells.
     kernels : LatticeKernels
         One for each heading.
+    work : dict
+        Holds an array from call to call: fresh ones of this size cost page faults.
     """
     loops: Any = compiled.kernels(math.prod(shape))
     values: FloatArray = np.ascontiguousarray(floats(belief))
@@ -49,24 +52,42 @@ def predict_compiled(
         check_belief(values, shape)
     kind = values.dtype
     first, last = ((cell, band.astype(kind)) for cell, band in (turn_band(headings, *turn) for turn in turns))
-    turned: FloatArray = np.empty((rows, headings, columns), dtype=kind)
+    order = np.argsort(kernels.kernel, kind="stable")
+    begins = np.searchsorted(kernels.kernel[order], np.arange(headings + 1))
+    cells, shares = kernels.cells[order], kernels.weights[order].astype(kind)
+    margin = -(-int(np.abs(cells[:, 1]).max(initial=0)) // loops.LANES) * loops.LANES
+    wide = 2 * margin + -(-columns // loops.STRIP) * loops.STRIP
+    turned = _turned(work, rows * headings * wide, kind)
+    by_row = turned.reshape(rows * headings, wide)
+    by_row[:, :margin] = 0.0
+    by_row[:, margin + columns :] = 0.0
+    flat = values.ravel()
     wrong = compiled.share(
-        lambda begin, end: int(loops.turn_rows(values, first[1], first[0], turned, begin, end)),
+        lambda begin, end: int(loops.turn_rows(flat, shape, first[1], first[0], turned, margin, begin, end)),
         rows,
         values.size,
     )
     if any(wrong):
         check_belief(values, shape)
-    order = np.argsort(kernels.kernel, kind="stable")
-    begins = np.searchsorted(kernels.kernel[order], np.arange(headings + 1))
-    cells, shares = kernels.cells[order], kernels.weights[order].astype(kind)
     inside = np.ones((rows, columns), dtype=bool) if free is None else free
     result: FloatArray = np.empty(shape, dtype=kind)
+    flat_result = result.ravel()
     compiled.share(
         lambda begin, end: loops.drive_and_turn(
-            turned, cells, shares, begins, inside, last[1], last[0], result, begin, end
+            turned, shape, margin, cells, shares, begins, inside, last[1], last[0], flat_result, begin, end
         ),
         rows,
         values.size,
     )
     return result
+
+
+def _turned(work: dict[Any, FloatArray], size: int, kind: Any) -> FloatArray:
+    """Return an array of so many numbers, which begins with a cache line; the last one, if it is the same."""
+    key = size, kind
+    if key not in work:
+        work.clear()
+        room = np.empty(size + 64 // kind.itemsize, dtype=kind)
+        begin = -room.ctypes.data % 64 // kind.itemsize
+        work[key] = room[begin : begin + size]
+    return work[key]

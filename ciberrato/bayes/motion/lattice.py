@@ -29,6 +29,8 @@ _SMALL = 0.5
 # to stay short.
 _THIN = 0.04
 _MOST_BASES = 8
+# Of three vectors in a ring, the next to each and the last.
+_AFTER, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 # Sigmas at which wide distributions are cut, by default: they lose 1e-9 of their mass.
 _SIGMAS = 6.1
 
@@ -140,8 +142,10 @@ def _vectors(moment: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArr
     chosen = np.zeros((count, 3, 2)), np.zeros((count, 3)), np.zeros((count, 3))
     active = np.arange(count)
     for _ in range(_MOST_BASES):
-        vectors = np.stack([-base[..., 1], base[..., 0]], axis=2)
-        after, last = np.roll(base, -1, axis=1), np.roll(base, -2, axis=1)
+        vectors = np.empty_like(base)
+        np.negative(base[..., 1], out=vectors[..., 0])
+        vectors[..., 1] = base[..., 0]
+        after, last = base[:, _AFTER], base[:, _LAST]
         sizes = -np.einsum("nka,nab,nkb->nk", after, moment[active], last)
         cost, raised, slants = _raised(vectors, sizes, mean[active])
         better = cost < best[active] - 1e-12

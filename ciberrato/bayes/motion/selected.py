@@ -7,6 +7,7 @@ computed equals the whole grid's prediction entry by entry; work and memory go w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -54,12 +55,22 @@ def heavy(masses: FloatArray, allowed: float) -> tuple[IntArray, float]:
     for which the rest is allowed.
     """
     flat = masses.ravel()
-    power = flat.view(np.int64) >> 52
-    below = np.cumsum(np.bincount(power, flat))
+    # What is below this can all be left out, whatever its number.
+    sure = math.ldexp(1.0, math.frexp(allowed / max(1, flat.size))[1] - 1) if allowed > 0.0 else 0.0
+    able = np.flatnonzero(flat >= sure) if sure > 0.0 else np.flatnonzero(flat)
+    values = flat[able]
+    rest = 0.0
+    if sure > 0.0:
+        others = flat.copy()
+        others[able] = 0.0
+        rest = float(others.sum())
+    power = values.view(np.int64) >> 52
+    least = int(power.min(initial=2047))
+    below = np.cumsum(np.bincount(power - least, values)) + rest
     level = int(np.searchsorted(below, allowed, side="right"))
-    if level == 0 or below[level - 1] == 0.0:
-        return np.flatnonzero(flat), 0.0
-    return np.flatnonzero(power >= level), float(below[level - 1])
+    if level == 0 or below[level - 1] == rest:
+        return able, rest
+    return able[power >= least + level], float(below[level - 1])
 
 
 def turn_drive_turn(
@@ -94,28 +105,30 @@ def turn_drive_turn(
     States
         The mass left out is counted before the drive may lose some of it: a bound for the missing mass.
     """
-    headings, directions = first.shape
-    columns = free.shape[1]
+    headings, columns = first.shape[0], free.shape[1]
     total = float(masses.sum())
     place, heading = np.divmod(states, headings)
     begins = np.empty(len(place), dtype=bool)
     begins[:1] = True
     np.not_equal(place[1:], place[:-1], out=begins[1:])
     places = place[begins]
-    image = np.zeros((len(places), headings))
-    image[np.cumsum(begins) - 1, heading] = masses
-    image = image @ first
+    # Headings and directions that hold anything: few, where the belief is narrow.
+    held, at = _used(heading, headings)
+    image = np.zeros((len(places), len(held)))
+    image[np.cumsum(begins) - 1, at] = masses
+    turn = first[held]
+    aimed = np.flatnonzero(turn.any(axis=0))
+    image = image @ turn[:, aimed]
     chosen, left_out = heavy(image, 0.5 * skip * total)
-    row, direction = np.divmod(chosen, directions)
-    used = np.flatnonzero(np.bincount(direction, minlength=directions))
-    moves = kernels(used)
+    row, direction = np.divmod(chosen, max(1, len(aimed)))
+    used, number = _used(direction, len(aimed))
+    moves = kernels(aimed[used])
     # Grid with a border as wide as the longest drive, so that targets are sums of numbers.
     border = int(np.abs(moves.cells).max(initial=0))
     wide = columns + 2 * border
     inside = np.pad(free, border).ravel()
     at = (places // columns + border) * wide + places % columns + border
     steps, shares = _by_direction(moves, len(used), wide)
-    number = np.searchsorted(used, np.arange(directions))[direction]
     target = (at[row][:, np.newaxis] + steps[number]).ravel()
     moved = (image.ravel()[chosen][:, np.newaxis] * shares[number]).ravel()
     np.multiply(moved, inside[target], out=moved)
@@ -126,15 +139,31 @@ def turn_drive_turn(
     slot = np.zeros(inside.shape, dtype=np.intp)
     slot[reached] = np.arange(len(reached))
     key = slot[target]
-    key *= directions
-    key += np.repeat(direction, steps.shape[1])
-    after = np.bincount(key, moved, len(reached) * directions)[: len(reached) * directions]
-    result = after.reshape(len(reached), directions) @ last
+    key *= len(used)
+    key += np.repeat(number, steps.shape[1])
+    size = len(reached) * len(used)
+    after = (
+        np.bincount(key, moved, size)[:size].reshape(len(reached), -1) if size else np.zeros((0, len(used)))
+    )
+    turn = last[aimed[used]]
+    held = np.flatnonzero(turn.any(axis=0))
+    result = after @ turn[:, held]
     chosen, rest = heavy(result, 0.5 * skip * total)
-    row, heading = np.divmod(chosen, headings)
+    row, heading = np.divmod(chosen, max(1, len(held)))
+    heading = held[heading]
     x, y = np.divmod(reached[row], wide)
     states = ((x - border) * columns + y - border) * headings + heading
     return States(states, result.ravel()[chosen], left_out + rest)
+
+
+def _used(numbers: IntArray, size: int) -> tuple[IntArray, IntArray]:
+    """Return which numbers below a size there are, rising, and where each one given is among them."""
+    there = np.zeros(size, dtype=bool)
+    there[numbers] = True
+    used = np.flatnonzero(there)
+    place = np.empty(size, dtype=np.intp)
+    place[used] = np.arange(len(used))
+    return used, place[numbers]
 
 
 def _by_direction(kernels: LatticeKernels, directions: int, wide: int) -> tuple[IntArray, FloatArray]:

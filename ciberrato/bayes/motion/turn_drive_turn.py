@@ -28,6 +28,7 @@ from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.motion.in_machine_code import predict_compiled
 from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
+from ciberrato.bayes.motion.long_rows import fits, predict_long_rows
 from ciberrato.bayes.motion.odometry_reading import OdometryNoise, OdometryReading, Prediction
 from ciberrato.bayes.motion.passes import (
     PoseCarry,
@@ -74,9 +75,7 @@ class TurnDriveTurn:
     free: BoolArray | None = None
     window: float = 4.0
     skip_below: float = 0.0
-    _work: dict[tuple[int, Any], FloatArray] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
+    _work: dict[Any, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         check_space(self.space, "odometry")
@@ -128,18 +127,27 @@ class TurnDriveTurn:
             turns = (steps, rot1 / width), ((control.rot2 + left) / width, rot2 / width)
             return Prediction(
                 predict_compiled(
-                    belief, self.space.shape, self.free, turns, self._kernels(control, 1, left, cut)
+                    belief,
+                    self.space.shape,
+                    self.free,
+                    turns,
+                    self._kernels(control, 1, left, cut),
+                    self._work,
                 ),
                 0.0,
                 truncated,
             )
         belief = check_belief(belief, self.space.shape, single=True)
+        kernels = self._kernels(control, parts, left, cut)
+        first = turn_matrix(headings, steps / parts, rot1 / width, after=parts)
+        last = turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts)
+        first, last = (matrix.astype(belief.dtype, copy=False) for matrix in (first, last))
+        if self.space.size >= compiled.LARGE and self.skip_below == 0.0 and fits(kernels):
+            after = predict_long_rows(belief, self.free, first, last, kernels, self._work)
+            return Prediction(after, 0.0, truncated)
         # Heading first, so that each heading's image lies in one piece for the drive; the transposition is
         # the product's.
         images, driven = self._images(headings * parts, belief.dtype)
-        first = turn_matrix(headings, steps / parts, rot1 / width, after=parts).astype(
-            belief.dtype, copy=False
-        )
         np.matmul(first.T, belief.reshape(-1, headings).T, out=images)
         skipped = 0.0
         if self.skip_below > 0.0:
@@ -147,13 +155,11 @@ class TurnDriveTurn:
             small = mass < self.skip_below
             skipped = float(mass[small].sum())
             images[small] = 0.0
-        kernels = self._kernels(control, parts, left, cut)
         shape = (headings * parts, rows, columns)
         moved = drive(images.reshape(shape), kernels, driven.reshape(shape)).reshape(shape[0], -1)
         if self.free is not None:
             moved *= self.free.ravel()
-        last = turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts)
-        after = moved.T @ last.astype(belief.dtype, copy=False)
+        after = moved.T @ last
         return Prediction(after.reshape(belief.shape), skipped, truncated)
 
     def predict_states(

@@ -5,7 +5,7 @@ import { handlers } from "./messages.js";
 import { cellAt, cellName, probability } from "./paint.js";
 import { drawPicture, resize, setTheme, showLayers, theme } from "./picture.js";
 import { bindProjection, project } from "./scoreboard.js";
-import { confirmed, updatePanels } from "./sidebar.js";
+import { confirmed, permitted, updatePanels } from "./sidebar.js";
 import { Socket } from "./socket.js";
 import { $, camera, clock, counters, dirty, link, remember, remembered, state, store } from "./state.js";
 import { say } from "./svg.js";
@@ -36,10 +36,10 @@ function paintFrame(now) {
 }
 
 const actions = {
-  start: () => $("start").disabled || link.send({ do: "start" }),
-  stop: () => $("stop").disabled || link.send({ do: "stop" }),
+  start: () => permitted().start && link.send({ do: "start" }),
+  stop: () => permitted().stop && link.send({ do: "stop" }),
   startOrStop: () => (state.frame.phase === "running" ? actions.stop() : actions.start()),
-  reset: () => $("reset").disabled || !state.control || confirmed("Reset the simulator? All robots are sent away and time begins anew.", "Reset", () => link.send({ do: "reset" })),
+  reset: () => permitted().reset && state.control && confirmed("Reset the simulator? All robots are sent away and time begins anew.", "Reset", () => link.send({ do: "reset" })),
   play: () => {
     if (state.playing) {
       state.playing = false;

@@ -26,6 +26,16 @@ export function phaseNow(frame, now) {
 }
 
 
+/** What the simulator can be asked for now: keys obey this, as the buttons may be a tenth of a second behind. */
+export function permitted() {
+  const alive = state.connected && state.connection === "watching";
+  return {
+    start: alive && ["ready", "stopped"].includes(state.frame.phase),
+    stop: alive && state.frame.phase === "running",
+    reset: alive,
+  };
+}
+
 export const robotList = new RobotList($("robots"), {
   onChoose: (id) => choose(state.chosen === id ? null : id),
   onRemove: (id) => confirmed(`Remove ${clip(state.names.get(id) || `robot ${id}`, 60)}? It stays out until the simulator is reset.`, "Remove", () => link.send({ do: "remove", robot: id })),
@@ -49,9 +59,7 @@ export function updatePanels(frame, now) {
   phase.dataset.phase = shown;
   updateStatus();
   const alive = state.connected && state.connection === "watching";
-  $("start").disabled = !alive || !["ready", "stopped"].includes(state.frame.phase);
-  $("stop").disabled = !alive || state.frame.phase !== "running";
-  $("reset").disabled = !alive;
+  for (const [name, may] of Object.entries(permitted())) $(name).disabled = !may;
   say($("robot-count"), frame.robots.length ? String(frame.robots.length) : "");
   $("no-robots").hidden = frame.robots.length > 0;
   robotList.update(frame.robots, {

@@ -174,7 +174,8 @@ class UdpPeer(Peer):
             data = self._socket.recv(READ_SIZE)
         except OSError:  # nothing there after all, or no client was there for what was sent last
             return
-        if self._allowance.spend(max(len(data), LEAST_COST)):
+        size = len(data)
+        if self._allowance.spend(size if size > LEAST_COST else LEAST_COST):
             self._readiness.watch_for(self._socket, reading=False)
             self._transport.meter.when_renewed(self._allowance, self._read_on)
         self._refused = 0
