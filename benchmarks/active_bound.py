@@ -9,6 +9,9 @@ hit a wall is out. The time at which the first of all these paths leaves the tru
 claim is a bound for every drive to a place: all that is left out could only make it later.
 
 The bound is of expected evidence: a lucky reading may decide sooner.
+
+Beside it stands the bound for any drive (`benchmarks.any_drive`), which knows which rooms are equal and
+counts targets, and by which a lab allows a time or does not.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import itertools
 import math
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,6 +177,7 @@ def _wrapped(angles: Floats) -> NDArray[np.float64]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print, for each lab of a file of outcomes, the times of explore, active and the oracle."""
+    from benchmarks.any_drive import AnyDrive, greatest_share, soonest_quantile
     from ciberrato.evaluation.episode import ANGLES, lab_of
     from ciberrato.evaluation.report import quantile, times_to_localize
     from ciberrato.evaluation.runner import read_evaluation
@@ -182,26 +187,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from ciberrato.localization.tables.pose_tables import COARSE
 
     parser = argparse.ArgumentParser(prog="python -m benchmarks.active_bound", description=__doc__)
-    parser.add_argument("outcomes", help="file that ciberrato-evaluate has written")
+    parser.add_argument("outcomes", type=Path, help="file that ciberrato-evaluate has written")
     parser.add_argument("--most", type=int, default=24, help="starts a lab")
+    parser.add_argument("--cycles", type=int, default=65, help="looked at, for any drive")
     parser.add_argument("--lab", nargs="+", default=[""], help="labs whose name contains one of these")
     options = parser.parse_args(arguments)
     results = read_evaluation(options.outcomes).results
-    print("lab, parameters: runs; cycles for half / 90 % of explore, of active, of the oracle")
+    print("lab, parameters, compass: starts; cycles for half / 90 % of explore, active, oracle, any drive")
     for lab in sorted({one.task.lab for one in results if any(part in one.task.lab for part in options.lab)}):
         tables = cached_tables(lab_of(lab), ANGLES, COARSE)
-        for name in sorted({one.task.parameters for one in results if one.task.lab == lab}):
-            runs = [one for one in results if one.task.lab == lab and one.task.parameters == name]
-            oracle = Oracle(tables, read_parameters(find_parameters(name)).obstacle_noise)
-            starts = sorted({tuple(one.outcome.start) for one in runs})[: options.most]
-            bound = np.array([oracle.soonest((x, y, math.radians(turn))) for x, y, turn in starts])
+        kinds = sorted({(one.task.parameters, one.task.compass) for one in results if one.task.lab == lab})
+        for name, compass in kinds:
+            runs = [one for one in results if one.task.lab == lab]
+            runs = [one for one in runs if (one.task.parameters, one.task.compass) == (name, compass)]
+            parameters = read_parameters(find_parameters(name))
+            oracle = Oracle(tables, parameters.obstacle_noise)
+            # After some way a GPS is as good as a compass: counted from the first cycle.
+            known = compass or parameters.gps
+            any_drive = AnyDrive(lab_of(lab), tables, parameters.obstacle_noise, compass=known)
+            starts = [
+                (x, y, math.radians(turn))
+                for x, y, turn in sorted({tuple(one.outcome.start) for one in runs})[: options.most]
+            ]
+            # The oracle has no compass: for robots with one it bounds nothing.
+            bound = np.array([math.nan if known else oracle.soonest(start) for start in starts])
+            shares = np.array([greatest_share(any_drive.evidence(start, options.cycles)) for start in starts])
             shown = []
             for drive in ("explore", "active"):
                 times = times_to_localize([one.outcome for one in runs if one.task.drive == drive])
                 shown.append([quantile(times, share) for share in (0.5, 0.9)] if len(times) else [])
             shown.append([quantile(bound, share) for share in (0.5, 0.9)])
+            shown.append([soonest_quantile(shares, share) for share in (0.5, 0.9)])
             columns = ", ".join(" / ".join(f"{value:.0f}" for value in pair) or "-" for pair in shown)
-            print(f"{lab.rpartition('Labs/')[2]}, {name}: {len(starts)}; {columns}", flush=True)
+            where = "/".join(lab.split("/")[-2:])
+            print(
+                f"{where}, {name}, {'with' if compass else 'no'} compass: {len(starts)}; {columns}",
+                flush=True,
+            )
     return 0
 
 

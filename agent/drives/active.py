@@ -17,7 +17,7 @@ from agent.drives.clearance import PoseSample
 from agent.drives.disambiguation import FIRST_TURNS, plan
 from agent.drives.explore import ExploreDrive
 from agent.drives.roam import Closed, LegPhase, Roamer
-from ciberrato.localization.belief.estimate import PoseEstimate, modes
+from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import STANDSTILL
 from ciberrato.protocol.messages import Measures
@@ -112,7 +112,8 @@ class ActiveDrive:
         found = _hypotheses(pose_filter)
         if len(found) > 1:
             self._doubt = _entropy(found)
-            chosen = plan(pose_filter.tables.everywhere, found, self._noise, closed(FIRST_TURNS))
+            targets = pose_filter.lab.targets
+            chosen = plan(pose_filter.tables.everywhere, found, self._noise, closed(FIRST_TURNS), targets)
             if chosen is not None and chosen.gain > _LEAST_GAIN:
                 return chosen.turn, chosen.length
         return self._explorer.choose(pose_filter, sample, closed)
@@ -123,7 +124,7 @@ def _hypotheses(pose_filter: GridFilter) -> list[PoseEstimate]:
     belief = pose_filter.belief
     if belief.dense is not None or belief.states > _MOST_STATES:
         return []
-    found = modes(belief, most=_HYPOTHESES)
+    found = pose_filter.separable(_HYPOTHESES)
     return found if sum(mode.probability for mode in found) >= _COVERED else []
 
 

@@ -12,6 +12,7 @@ section 17.4).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,8 @@ from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.tables.pose_tables import PoseTables
 from ciberrato.localization.tables.reading_codes import code_distances
+from ciberrato.physics.kinematics import ROBOT_RADIUS
+from ciberrato.world.lab import Target
 
 _SPACING = 0.35
 _RADIUS = 18  # nodes to each side
@@ -36,6 +39,8 @@ _TURN_START = 3.0  # cycles that stopping and starting to turn cost
 _EXPONENT = 0.4
 _CLIP = 5.0
 """Evidence that a cycle can give at most, as a natural logarithm, untempered."""
+_GROUND = _EXPONENT * 4.0
+"""Evidence of the ground sensor in a cycle; the filter takes a report as wrong with probability 0.02."""
 _STOP = 5.0
 """Cycles added to every path, so that none is chosen for its shortness only."""
 _LONGEST = 70.0
@@ -131,7 +136,11 @@ class PredictedReadings:
 
 
 def plan(
-    tables: PoseTables, hypotheses: list[PoseEstimate], noise: float, barred: NDArray[np.bool_]
+    tables: PoseTables,
+    hypotheses: list[PoseEstimate],
+    noise: float,
+    barred: NDArray[np.bool_],
+    targets: Sequence[Target] = (),
 ) -> Plan | None:
     """Find the path that best separates some hypotheses for the time that it takes.
 
@@ -144,6 +153,8 @@ def plan(
         Standard deviation of a reading.
     barred : array of bool, shape (8,)
         Mask of first turns, in steps of 45 degrees to the left, that are not allowed.
+    targets : sequence of Target
+        What the ground sensor reports; where rooms are equal for IR, it is the only one that tells.
 
     Returns
     -------
@@ -158,7 +169,7 @@ def plan(
     reached = np.flatnonzero((times < _LONGEST) & (parents >= 0))
     if not len(reached):
         return None
-    evidence = _evidence(tables, poses, noise, times, parents, reached)
+    evidence = _evidence(tables, poses, noise, times, parents, reached, targets)
     gain = _gain(weights, evidence)
     best = int((gain / (times[reached] + _STOP)).argmax())
     turn, length = _first_leg(int(reached[best]), parents)
@@ -249,7 +260,13 @@ def _shifted(dx: int, dy: int) -> tuple[tuple[slice, slice], tuple[slice, slice]
 
 
 def _evidence(
-    tables: PoseTables, poses: Floats, noise: float, times: Floats, parents: Integers, reached: Integers
+    tables: PoseTables,
+    poses: Floats,
+    noise: float,
+    times: Floats,
+    parents: Integers,
+    reached: Integers,
+    targets: Sequence[Target] = (),
 ) -> Floats:
     """Add up the evidence between hypotheses along the paths; shape (reached, hypotheses, hypotheses)."""
     predict_readings = PredictedReadings(tables, noise)
@@ -258,9 +275,8 @@ def _evidence(
     left = (node // _SIDE - _RADIUS) * _SPACING
     x, y = _places(poses, ahead, left)
     heading = poses[:, 2][:, np.newaxis] + _ANGLES[direction]
-    apart = (
-        _apart(predict_readings(x, y, heading)) * (_LENGTHS[direction] / _SPEED)[:, np.newaxis, np.newaxis]
-    )
+    apart = _apart(predict_readings(x, y, heading)) + _ground_apart(x, y, targets)
+    apart *= (_LENGTHS[direction] / _SPEED)[:, np.newaxis, np.newaxis]
     # Ways that begin with a turn see what is to be seen on it, first.
     turning = _turning(predict_readings, poses)
     start = _RADIUS * _SIDE + _RADIUS
@@ -298,6 +314,16 @@ def _apart(foretold: tuple[Floats, Floats]) -> Floats:
     gap = low[:, :, np.newaxis] - high[:, np.newaxis]
     gap = np.maximum(np.maximum(gap, gap.transpose(0, 2, 1, 3)), 0.0)
     return np.asarray(_EXPONENT * np.minimum(0.5 * (gap**2).sum(axis=-1), _CLIP))
+
+
+def _ground_apart(x: Floats, y: Floats, targets: Sequence[Target]) -> Floats:
+    """Compute the evidence of the ground sensor in a cycle between pairs, as `_apart`."""
+    differ = np.zeros((x.shape[1], len(x), len(x)), np.bool_)
+    for target in targets:
+        beyond = np.hypot(x - target.x, y - target.y).T - (target.radius - ROBOT_RADIUS)
+        inside, outside = beyond < -_PLACE, beyond > _PLACE
+        differ |= inside[:, :, np.newaxis] & outside[:, np.newaxis]
+    return np.asarray(_GROUND * (differ | differ.transpose(0, 2, 1)), np.float64)
 
 
 def _gain(weights: Floats, evidence: Floats) -> Floats:

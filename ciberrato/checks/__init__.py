@@ -1,3 +1,3 @@
 """Labs, start grids and parameters held against the schemas, and against what they mean together."""
 
-__all__ = ["files", "free_space", "likeness", "schema", "telling", "things"]
+__all__ = ["equal_places", "files", "free_space", "likeness", "schema", "telling", "things"]

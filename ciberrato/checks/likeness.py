@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ciberrato.checks.equal_places import Room, equal_rooms
 from ciberrato.checks.free_space import FreeSpace
 from ciberrato.files.findings import Finding
 from ciberrato.infrared.model import sensor_distances
@@ -78,6 +79,7 @@ def likeness_findings(lab: Lab, space: FreeSpace, source: str, line: int) -> lis
                 place=(turn.x, turn.y),
             )
         )
+    found += _turned_rooms(lab, space, source, line)
     twins = list(itertools.islice(twin_parts(space), _TWINS_SHOWN + 1))
     for one, other in twins[:_TWINS_SHOWN]:
         (x, y), (to_x, to_y) = (tuple(space.places(part).mean(axis=0).round(1)) for part in (one, other))
@@ -95,6 +97,32 @@ def likeness_findings(lab: Lab, space: FreeSpace, source: str, line: int) -> lis
                 found=f"the closed rooms around ({x:g}, {y:g}) and ({to_x:g}, {to_y:g}) look the same{more}",
                 taken="no robot can tell in which it is, with a compass neither",
                 place=(float(x), float(y)),
+            )
+        )
+    return found
+
+
+def _turned_rooms(lab: Lab, space: FreeSpace, source: str, line: int) -> list[Finding]:
+    """Report closed rooms that are equal to another one turned round: one note a kind of room."""
+    found = []
+    first: dict[int, Room] = {}
+    told: set[int] = set()
+    for room in equal_rooms(lab, space):
+        one = first.setdefault(room.kind, room)
+        degrees = round(math.degrees(room.angle))
+        if degrees == 0 or room.kind in told:
+            continue
+        told.add(room.kind)
+        found.append(
+            Finding(
+                severity="note",
+                kind="turned rooms",
+                source=source,
+                line=line,
+                found=f"the closed rooms around ({one.x:.1f}, {one.y:.1f}) and ({room.x:.1f}, {room.y:.1f}) "
+                f"look the same turned by {degrees}°",
+                taken="without a compass, a beacon or a GPS no robot can tell in which of them it is",
+                place=(round(room.x, 1), round(room.y, 1)),
             )
         )
     return found

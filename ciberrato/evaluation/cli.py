@@ -133,7 +133,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace, results: list[Result]) -> None:
-    from ciberrato.evaluation.report import group_by, kidnapping_line, table
+    from ciberrato.evaluation.report import group_by, kidnapping_line, said_table, table
 
     fields = options.by or [
         *_BY_DEFAULT,
@@ -148,6 +148,8 @@ def _show(options: argparse.Namespace, results: list[Result]) -> None:
         line = kidnapping_line(group)
         if line is not None:
             print(f"{' '.join(key)}: {line}")
+        if options.calibration:
+            print(f"\n{' '.join(key)}\n{said_table(group)}")
     if options.compare is not None:
         from ciberrato.evaluation.comparison import compare
 

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import math
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 
 from agent.drives.registry import DRIVES, RIGHT, make_drive, parse_drive, read_place
 from agent.drives.right.phases import Phase
+from ciberrato.checks.equal_places import Room, equal_poses, equal_rooms
+from ciberrato.checks.free_space import FreeSpace, free_space
 from ciberrato.evaluation.judged import BuiltInFilter, FilterSetup, Judged, OwnFilter, load_filter
 from ciberrato.evaluation.record import Record
 from ciberrato.evaluation.settings import with_settings
@@ -28,6 +31,7 @@ from ciberrato.localization.tables.pose_tables import COARSE, PoseTables, fine_r
 from ciberrato.localization.tables.tiled import TiledTables
 from ciberrato.physics.kinematics import Command
 from ciberrato.protocol import Actions, Measures, RobotRegistration
+from ciberrato.world.coordinates import Pose
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
@@ -60,6 +64,14 @@ def lab_of(name: str) -> Lab:
 def tables_of(name: str, angles: tuple[float, ...], resolution: float) -> PoseTables:
     """Read the tables of a lab, or compute them, once a process."""
     return cached_tables(lab_of(name), angles, resolution)
+
+
+@functools.lru_cache(maxsize=8)
+def rooms_of(name: str) -> tuple[FreeSpace, list[Room]] | None:
+    """Find which rooms of a lab are equal, once a process; None for a lab that is too large."""
+    lab = lab_of(name)
+    space = free_space(lab)
+    return None if space is None else (space, equal_rooms(lab, space))
 
 
 def tables_needed(task: Task) -> list[tuple[str, tuple[float, ...], float]]:
@@ -114,7 +126,7 @@ def run_task(task: Task) -> Outcome:
         judged = OwnFilter(load_filter(task.filter), own)
     room = reachable(tables.lattice, start)
     driver = _driver(task, lab, parameters, angles, tables, room, generator)
-    record = Record(task, start, float(room.sum()) * tables.lattice.resolution**2)
+    record = Record(task, start, float(room.sum()) * tables.lattice.resolution**2, _equal(task, parameters))
     standing, at_rest = 0, _AT_REST + max(parameters.obstacle_latency, parameters.compass_latency)
     measures = simulation.launch()[robot]
     command: Command | None = None
@@ -157,6 +169,17 @@ def _pose_filter(task: Task, lab: Lab, tables: PoseTables, parameters: Parameter
 def _resolution(task: Task) -> float:
     """Return the resolution of the tables of all of the lab; in a large one parts have finer ones."""
     return max(task.resolution, fine_resolution(lab_of(task.lab))) if task.staged else task.resolution
+
+
+def _equal(task: Task, parameters: Parameters) -> Callable[[Pose], list[Pose]] | None:
+    """Return what lists the poses that are equal to one; None for a lab that is too large to be looked at."""
+    known = rooms_of(task.lab)
+    if known is None:
+        return None
+    if parameters.beacon_sensor and lab_of(task.lab).beacons:
+        return lambda pose: []  # bearings of beacons distinguish rooms that look the same
+    heading = parameters.compass_sensor or parameters.gps
+    return lambda pose: equal_poses(*known, pose, compass=heading)
 
 
 def _over(task: Task, record: Record, finished: str | None) -> bool:

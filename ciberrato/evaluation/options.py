@@ -149,6 +149,11 @@ def make_parser() -> argparse.ArgumentParser:
         help="compare two drives by group, above all where the first is slow",
     )
     add(
+        "--calibration",
+        action="store_true",
+        help="show how often estimates of some probability were right, by group",
+    )
+    add(
         "--table",
         type=Path,
         metavar="FILE",

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import bisect
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.evaluation.judged import Judged
-from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, TRUTH_PERIOD, Outcome, Task
+from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, SAID, TRUTH_PERIOD, Outcome, Task
 from ciberrato.geometry.angles import short_turn
-from ciberrato.localization.belief.estimate import CLAIM_RADIUS, CLAIM_TURN
+from ciberrato.localization.belief.estimate import CERTAIN, CLAIM_RADIUS, CLAIM_TURN
 from ciberrato.world.coordinates import Pose
 
 
@@ -24,10 +26,18 @@ class Record:
         True pose: units and radians.
     room : float
         Units squared that can be reached from it.
+    equal : callable or None
+        Lists the poses that are equal to one for the robot; None where the lab was not looked at.
     """
 
-    def __init__(self, task: Task, start: Pose, room: float) -> None:
+    def __init__(
+        self, task: Task, start: Pose, room: float, equal: Callable[[Pose], list[Pose]] | None = None
+    ) -> None:
         self.task = task
+        self._equal = equal
+        self._equals: int | None = None
+        self._alike: int | None = None
+        self._said: list[list[float] | None] = [None] * len(SAID)
         self.start = [start[0], start[1], math.degrees(start[2])]
         self.room = room
         self.times: list[tuple[float, float]] = []
@@ -74,6 +84,7 @@ class Record:
         self._claim, self._probability = found.certain, found.probability
         self._colliding += collision
         self._count(cycle)
+        self._compare_equal(cycle, pose, pose_filter)
         if self.kidnapped is not None and cycle >= self.kidnapped:
             since = cycle - self.kidnapped
             restarted = any(at >= self.kidnapped for at in pose_filter.restarts)
@@ -85,6 +96,20 @@ class Record:
             held = pose_filter.probability_near(*(float(value) for value in pose))
             if held is not None:
                 self._truth.append(round(held, 4))
+
+    def _compare_equal(self, cycle: int, pose: NDArray[np.float64], pose_filter: Judged) -> None:
+        """Update how soon the true pose and those equal to it are known to be the only ones left."""
+        since = 0 if self.kidnapped is None else self.kidnapped
+        if self._equal is None or self._alike is not None or (self.task.kidnap and self.kidnapped is None):
+            return
+        x, y, heading = (float(value) for value in pose)
+        poses = [(x, y, heading), *self._equal((x, y, heading))]
+        if self._equals is None:
+            self._equals = len(poses) - 1
+        if len(poses) > 1:
+            held = [pose_filter.probability_near(*each) or 0.0 for each in poses]
+            if sum(held) > CERTAIN:
+                self._alike = cycle - since
 
     def rest(self) -> None:
         """Fill the rest of the run: the robot stands for good, and all remaining cycles are alike."""
@@ -99,6 +124,9 @@ class Record:
         entry = self._calibration[min(int(self._probability * 10.0), 9)]
         entry[0] += 1
         entry[1] += self._right
+        kind = bisect.bisect_right(SAID, self._probability) - 1
+        if kind >= 0 and self._said[kind] is None:
+            self._said[kind] = [round(self._probability, 4), self._right]
         if not self._claim:
             return
         self._claimed += 1
@@ -147,6 +175,9 @@ class Record:
             rested=self._rested,
             truth=self._truth,
             calibration=self._calibration,
+            said=self._said,
+            equals=self._equals,
+            alike=self._alike,
             filter_ms=quantiles[:, 0].tolist(),
             drive_ms=quantiles[:, 1].tolist(),
             ms_counts=counts.tolist(),

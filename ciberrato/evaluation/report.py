@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ciberrato.evaluation.attempt import Result
-from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, Outcome
+from ciberrato.evaluation.task import LEAST_MS, MS_RATIO, MS_STEPS, SAID, Outcome
 from ciberrato.plaintext import plain
 
 WIDTH = 100
@@ -30,6 +30,7 @@ COLUMNS = (
     "never%",
     "shut%",
     "open never%",
+    "equal%",
     "wrong 1st%",
     "95% interval",
     "wrong time%",
@@ -134,7 +135,8 @@ def summary(results: Sequence[Result]) -> dict[str, float | tuple[float, float]]
 
         *half*, *90%*: cycles until so many of the runs had a right claim, infinite if they never had.
         *never*: runs without one. *shut*: runs that began in a small closed room; *open never*: runs
-        without a right claim among the others.
+        without a right claim among the others; *equal*: runs without one that found out in which of several
+        equal poses the robot is, of which none can be told from the others.
         *wrong 1st*: first claims that were wrong, of all first claims, with the 95 % interval by Wilson's
         score (J. Am. Stat. Assoc. 22, 1927); *wrong time*: claims that were wrong, of all claims by cycle.
         *place*, *turn*: errors of the last estimate in units and degrees, of runs that ended with a claim.
@@ -156,6 +158,8 @@ def summary(results: Sequence[Result]) -> dict[str, float | tuple[float, float]]
         "never%": 100.0 * float(np.isinf(times).mean()),
         "shut%": 100.0 * float(shut.mean()),
         "open never%": 100.0 * _share(int(np.isinf(times[~shut]).sum()), int((~shut).sum())),
+        "equal%": 100.0
+        * _share(sum(o.first_right is None and o.alike is not None for o in outcomes), len(outcomes)),
         "wrong 1st%": 100.0 * _share(wrong, len(claims)),
         "95% interval": wilson_interval(wrong, len(claims)),
         "wrong time%": 100.0 * _share(sum(o.wrongly for o in outcomes), sum(o.claimed for o in outcomes)),
@@ -218,12 +222,47 @@ def kidnapping_line(results: Sequence[Result]) -> str | None:
         return None
     noticed = np.array([math.inf if o.noticed is None else o.noticed for o in taken])
     found = np.array([math.inf if o.found is None else o.found for o in taken])
+    equal = [o for o in taken if o.equals]
+    told = sum(o.found is not None or o.alike is not None for o in equal)
     # What was never known cannot be noticed to have changed.
-    return (
+    line = (
         f"kidnapped {len(taken)}: noticed after {quantile(noticed, 0.5):g} (median), "
         f"{quantile(noticed, 0.9):g} (90 %); found {np.isfinite(found).sum()}, after "
         f"{quantile(found, 0.5):g} (median), {quantile(found, 0.9):g} (90 %)"
     )
+    if equal:
+        line += (
+            f"; of {len(equal)} in places with equal ones found {sum(o.found is not None for o in equal)}, "
+            f"found up to the equal ones {told}"
+        )
+    return line
+
+
+def said_table(results: Sequence[Result]) -> str:
+    """Return how often estimates of some probability were right, as aligned columns.
+
+    Parameters
+    ----------
+    results : sequence of Result
+
+    Returns
+    -------
+    str
+        A line for each class of `ciberrato.evaluation.task.SAID`: runs, each with its first estimate in the
+        class; the mean of what these said, and the share that was right, in per cent, with the 95 % interval
+        by Wilson's score; and whether that holds what was said.
+    """
+    rows = [["said", "runs", "mean%", "right%", "95% interval", ""]]
+    for kind, (low, high) in enumerate(zip(SAID, (*SAID[1:], 1.0), strict=True)):
+        said = [one for r in results if r.outcome.said and (one := r.outcome.said[kind]) is not None]
+        right = sum(one[1] > 0.0 for one in said)
+        mean = 100.0 * sum(one[0] for one in said) / len(said) if said else math.nan
+        interval = wilson_interval(right, len(said))
+        outside = "too bold" if mean > interval[1] else "too shy" if mean < interval[0] else ""
+        figures = (mean, 100.0 * _share(right, len(said)))
+        shown = ["-" if math.isnan(value) else f"{value:.1f}" for value in figures]
+        rows.append([f"{low:g}-{high:g}", str(len(said)), *shown, _format(interval, ""), outside])
+    return aligned(rows)
 
 
 def table(groups: dict[tuple[str, ...], list[Result]]) -> str:

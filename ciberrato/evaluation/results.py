@@ -47,7 +47,7 @@ _OF_OUTCOME = (
         "final_claim",
     ),
     *("final_place_error", "collisions", "colliding", "kidnapped", "noticed", "found", "arrived", "rested"),
-    "given_up",
+    *("given_up", "equals", "alike"),
 )
 _TIMES = ("median", "q99", "max")
 _RANGES = [f"{tenth * 10}_{tenth * 10 + 10}" for tenth in range(10)]

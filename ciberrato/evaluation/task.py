@@ -20,6 +20,8 @@ PRIORS = ("told", "anywhere")
 GPS = ("announced", "on", "off")
 TRUTH_PERIOD = 10
 """Cycles between two entries of `Outcome.truth`."""
+SAID = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
+"""Probabilities at which the classes of `Outcome.said` begin; each ends where the next one does."""
 LEAST_MS, MS_RATIO, MS_STEPS = 0.05, 1.25, 48
 """Of `Outcome.ms_counts`: where its ranges begin, how much longer each is than the one before, how many."""
 
@@ -135,6 +137,16 @@ class Outcome:
     calibration : list of (int, int)
         For ten equal ranges of probability: cycles in which the estimate had it, and those in which it
         was right.
+    said : list of (float, bool) or None
+        For each class of `SAID`: the first probability in it that an estimate of the run had, and whether the
+        estimate was right; None where there was none. As the time of it is known when it comes, and not
+        chosen afterwards, a calibrated filter is right in just that share of the runs.
+    equals : int or None
+        Other poses that are equal to the true one (`ciberrato.checks.equal_places`), at the start or after
+        a kidnapping; None where the lab was not looked at.
+    alike : int or None
+        Cycles from the start, or from the kidnapping, until the true pose and those equal to it had a
+        probability above 0.99 together; None where no pose is equal.
     filter_ms : list of float
         Median, 99 % quantile and maximum of the processor time of the filter in a cycle,
         in milliseconds.
@@ -170,6 +182,9 @@ class Outcome:
     rested: int | None = None
     truth: list[float] = field(default_factory=list)
     calibration: list[list[int]] = field(default_factory=list)
+    said: list[list[float] | None] = field(default_factory=list)
+    equals: int | None = None
+    alike: int | None = None
     filter_ms: list[float] = field(default_factory=list)
     drive_ms: list[float] = field(default_factory=list)
     ms_counts: list[int] = field(default_factory=list)

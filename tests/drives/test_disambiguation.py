@@ -12,7 +12,7 @@ from agent.drives import disambiguation as planner
 from agent.drives.clearance import clearance
 from ciberrato.localization.belief.estimate import PoseEstimate
 from ciberrato.localization.tables.pose_tables import PoseTables, build_tables
-from ciberrato.world.lab import Lab, Wall
+from ciberrato.world.lab import Lab, Target, Wall
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
 NOTHING = np.zeros(8, np.bool_)
@@ -130,3 +130,22 @@ def test_evidence_is_the_sum_along_the_way(lanes: PoseTables) -> None:
                 total += turning[direction]
             state = int(parents[state])
         assert evidence[number] == pytest.approx(total)
+
+
+def test_where_readings_are_equal_the_way_leads_to_a_target() -> None:
+    walls = (box(0.0, 1.95, 14.0, 2.05),)
+    tables = build_tables(Lab(name="equal lanes", width=14.0, height=4.0, walls=walls), ANGLES, 2.0 / 9.0)
+    turned = [pose(5.0, 1.0, 0.0), pose(9.0, 3.0, math.pi)]
+    blind = planner.plan(tables, turned, 0.1, NOTHING)
+    assert blind is not None
+    assert blind.gain < 1e-6
+    way = planner.plan(tables, turned, 0.1, NOTHING, (Target(x=9.0, y=1.0, radius=1.0),))
+    assert way is not None
+    assert way.turn == pytest.approx(0.0)
+    assert 3.0 < way.length < 4.6  # the robot is inside from 0.38 units before the target's middle
+    assert way.gain > 0.5
+    # Ground evidence by hand: in the disc under one hypothesis alone, never with a target in both lanes.
+    x, y = np.array([[9.0, 8.3], [5.0, 5.7]]), np.array([[1.0, 1.0], [3.0, 3.0]])
+    one = planner._ground_apart(x, y, (Target(x=9.0, y=1.0, radius=1.0),))
+    assert one[:, 0, 1].tolist() == one[:, 1, 0].tolist() == [planner._GROUND, 0.0]
+    assert not one[:, 0, 0].any()

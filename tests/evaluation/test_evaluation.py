@@ -13,9 +13,9 @@ from ciberrato.evaluation.comparison import compare
 from ciberrato.evaluation.episode import run_task
 from ciberrato.evaluation.labs import judged_labs, public_labs, tuning_labs
 from ciberrato.evaluation.published import Compared, LabTask, Step
-from ciberrato.evaluation.report import group_by, kidnapping_line, summary, table, wilson_interval
+from ciberrato.evaluation.report import group_by, kidnapping_line, said_table, summary, table, wilson_interval
 from ciberrato.evaluation.runner import read_evaluation, run_tasks
-from ciberrato.evaluation.task import Outcome, Task
+from ciberrato.evaluation.task import SAID, Outcome, Task
 from ciberrato.files.lab import read_lab
 
 SMALL = """<Lab Name="small" Height="6" Width="8">
@@ -380,3 +380,41 @@ def test_worse_is_said_where_it_is_so():
     # The last steps count by themselves.
     good, bad = Step(0, (0.1, 0.0), (0.9, 1.0)), Step(1, (0.9, 1.0), (0.5, 1.0))
     assert Compared(LabTask("a", 0.1, 1), ((good, bad),)).worse
+
+
+def test_a_pose_that_is_right_up_to_the_symmetry_is_counted_apart(tmp_path):
+    path = tmp_path / "box.xml"
+    path.write_text('<Lab Name="box" Height="4" Width="4"/>')
+    common = {"lab": str(path), "start": "free", "seed": 1, "cycles": 90, "resolution": 0.2, "staged": False}
+    lost, told = (run_task(Task(**common, compass=compass)) for compass in (False, True))
+    assert (lost.equals, lost.first_right) == (3, None)
+    assert lost.alike is not None
+    assert (told.equals, told.alike) == (0, None)
+    assert told.first_right is not None
+    taken = [
+        Result(Task(**common), outcome(kidnapped=50, equals=3, found=None, alike=at)) for at in (9, None)
+    ]
+    assert "of 2 in places with equal ones found 0, found up to the equal ones 1" in str(
+        kidnapping_line(taken)
+    )
+    figures = summary([Result(Task(**common), one) for one in (lost, told)])
+    assert figures["equal%"] == 50.0
+
+
+def test_first_estimates_of_a_class_are_compared_with_what_they_said():
+    def said(probability, right):
+        return outcome(said=[None] * 5 + [[probability, right]] + [None] * 5)
+
+    results = [Result(Task(lab="a"), said(0.6 + 0.001 * (n % 49), n < 40)) for n in range(50)]
+    (line,) = [line for line in said_table(results).splitlines() if line.startswith("0.6-")]
+    low, high = wilson_interval(40, 50)
+    assert line.split() == ["0.6-0.7", "50", "62.4", "80.0", f"{low:.1f}-{high:.1f}", "too", "shy"]
+    assert "too" not in said_table([*results, *(Result(Task(lab="a"), said(0.6, False)) for _ in range(14))])
+
+
+def test_first_estimates_are_those_of_the_run(lab_file):
+    one = run_task(Task(lab=str(lab_file), start="free", seed=3, cycles=60, resolution=0.2, staged=False))
+    entries = [(low, entry) for low, entry in zip(SAID, one.said, strict=True) if entry is not None]
+    assert len(entries) >= 3
+    assert all(low <= probability <= 1.0 for low, (probability, _) in entries)
+    assert one.said[-1][1] is True

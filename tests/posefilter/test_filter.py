@@ -11,6 +11,7 @@ from ciberrato.localization.cell_beliefs import cell_beliefs
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.localization.filtering.staged_filter import staged_filter
 from ciberrato.protocol import Actions, Measures, RobotRegistration
+from ciberrato.world.lab import Lab, Wall
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
@@ -199,35 +200,48 @@ def test_smoothing_knows_the_start_that_filtering_could_not(small_lab, fine_tabl
     assert sum(cell == true for cell, true in zip(found, cells, strict=True)) >= len(cells) - 1
 
 
+def star(count: int) -> Lab:
+    """Return a triangle, with a block before as many of its sides."""
+    walls = []
+    for part in range(3):
+        a, b = (2.0 * math.pi * (part + k) / 3.0 + 0.3 for k in (0, 1))
+        corners = [
+            (9.0 + r * math.cos(t), 9.0 + r * math.sin(t)) for r, t in ((8, a), (8, b), (8.3, b), (8.3, a))
+        ]
+        walls.append(Wall(corners=tuple(corners)))
+        if part < count:
+            t = a + 0.4
+            middle = (9.0 + 2.0 * math.cos(t), 9.0 + 2.0 * math.sin(t))
+            corners = [
+                (middle[0] + 0.4 * math.cos(t + q), middle[1] + 0.4 * math.sin(t + q)) for q in (0, 2, 4)
+            ]
+            walls.append(Wall(corners=tuple(corners)))
+    return Lab(width=18.0, height=18.0, walls=tuple(walls))
+
+
+def test_images_of_the_belief_are_poses_to_be_told_apart():
+    from ciberrato.localization.tables.pose_tables import COARSE, build_tables
+
+    lab = star(3)
+    pose_filter = GridFilter(lab, build_tables(lab, ANGLES, COARSE), DEFAULT)
+    lattice = pose_filter.tables.lattice
+    squares = np.flatnonzero(np.hypot(lattice.x - 9.0, lattice.y - 6.0) < 0.3)
+    pose_filter.belief.set_states(np.full(len(squares), 8), squares)
+    (only,) = pose_filter.modes()
+    found = pose_filter.separable()
+    assert [mode.probability for mode in found] == pytest.approx([1.0 / 3.0] * 3)
+    headings = sorted(math.degrees(mode.heading - only.heading) % 360.0 for mode in found)
+    assert headings == pytest.approx([0.0, 120.0, 240.0], abs=1e-6)
+    radii = [math.hypot(mode.x - 9.0, mode.y - 9.0) for mode in found]
+    assert radii == pytest.approx([radii[0]] * 3)
+    assert len(pose_filter.separable(most=2)) == 2
+
+
 def test_a_claim_in_a_lab_that_looks_the_same_turned_round_is_shared_with_its_images():
     from ciberrato.geometry.walls import WallMap
     from ciberrato.infrared.model import ideal_reading, sensor_distances
     from ciberrato.localization.belief.lattice import build_lattice
     from ciberrato.localization.evidence.symmetry import SymmetryCheck, find_turns
-    from ciberrato.world.lab import Lab, Wall
-
-    def star(count: int) -> Lab:
-        """Return a triangle, with a block before as many of its sides."""
-        walls = []
-        for part in range(3):
-            a, b = (2.0 * math.pi * (part + k) / 3.0 + 0.3 for k in (0, 1))
-            corners = [
-                (9.0 + r * math.cos(t), 9.0 + r * math.sin(t))
-                for r, t in ((8, a), (8, b), (8.3, b), (8.3, a))
-            ]
-            walls.append(Wall(corners=tuple(corners)))
-            if part < count:
-                t = a + 0.4
-                middle = (9.0 + 2.0 * math.cos(t), 9.0 + 2.0 * math.sin(t))
-                walls.append(
-                    Wall(
-                        corners=tuple(
-                            (middle[0] + 0.4 * math.cos(t + q), middle[1] + 0.4 * math.sin(t + q))
-                            for q in (0, 2, 4)
-                        )
-                    )
-                )
-        return Lab(width=18.0, height=18.0, walls=tuple(walls))
 
     angles = tuple(math.radians(angle) for angle in ANGLES)
     shares = []

@@ -312,6 +312,15 @@ class SymmetryCheck:
         besides : float or array, shape (turns,)
             Evidence for the estimate and against each image that was not sensed of the lab.
         """
-        if not self.turns:
-            return 1.0
-        return float(1.0 / (1.0 + np.exp(-np.clip(self._evidence + besides, -50.0, 50.0)).sum()))
+        return float(self.shares(besides)[0])
+
+    def shares(self, besides: Floats | float = 0.0) -> Floats:
+        """Return how the estimate's and its images' probability is divided; shape (1 + turns,), of sum 1.
+
+        Parameters
+        ----------
+        besides : float or array, shape (turns,)
+            As of `share`.
+        """
+        weights = np.exp(-np.clip(self._evidence + besides, -50.0, 50.0))
+        return np.asarray(np.append(1.0, weights) / (1.0 + weights.sum()))

@@ -158,6 +158,28 @@ class GridFilter:
         """
         return [self.alignment.carry_on(mode) for mode in modes(self.belief)]
 
+    def separable(self, most: int = 8, least: float = 0.02) -> list[PoseEstimate]:
+        """Return the poses at the last moment that further readings have to tell apart.
+
+        As `modes`, with the images of the first in a lab that looks the same turned round: they are
+        possible even where the belief, for the sake of the lattice, prefers one of them.
+
+        Parameters
+        ----------
+        most : int
+        least : float
+            Least probability.
+
+        Returns
+        -------
+        list of PoseEstimate
+            The most probable first.
+        """
+        first, *others = modes(self.belief, most=most, least=least)
+        split = self._images.split(first, restarted=bool(self.restarts))
+        found = [split[0], *others, *(image for image in split[1:] if image.probability >= least)]
+        return sorted(found, key=lambda mode: -mode.probability)[:most]
+
     # --- what happens -----------------------------------------------------------------------------------
 
     def begin_at(self, wheels: Command, time: int | None) -> None:

@@ -59,6 +59,24 @@ class TurnedImages:
         share = self._check.share(self._besides(found.heading, restarted=restarted))
         return dataclasses.replace(found, probability=found.probability * share)
 
+    def split(self, found: PoseEstimate, *, restarted: bool) -> list[PoseEstimate]:
+        """Return an estimate of the belief and its images, each with its part of the probability.
+
+        Parameters
+        ----------
+        found : PoseEstimate
+            Of the most probable state.
+        restarted : bool
+            As of `share`.
+        """
+        pose = (found.x, found.y, found.heading)
+        poses = [pose, *(turn.apply(pose) for turn in self._check.turns)]
+        shares = self._check.shares(self._besides(found.heading, restarted=restarted))
+        return [
+            dataclasses.replace(found.moved_to(*each), probability=found.probability * float(share))
+            for each, share in zip(poses, shares, strict=True)
+        ]
+
     def _besides(self, heading: float, *, restarted: bool) -> NDArray[np.float64]:
         """Return the evidence of start and GPS against each image, as natural logarithms."""
         turns = self._check.turns
