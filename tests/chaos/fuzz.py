@@ -106,7 +106,7 @@ def _fuzz(name: str, folder: str, seconds: int) -> None:
     ):
         from ciberrato.labtool import making
 
-        # Each search in vain for a random lab costs instrumented code 38 MB for good, and none without Atheris.
+        # Each search in vain for a random lab costs instrumented code 38 MB for good; none without Atheris.
         making.TRIES = 3
         take = reader(name, Path(files))
         for data in seeds(name):  # what is imported late is not part of the first input's time
