@@ -115,8 +115,8 @@ class Session:
         self._cycle_done = overriding(observers, "cycle_done")
         self._kidnapper = kidnapper
         self.robots: dict[int, RobotClient] = {}
-        self.before_measures: Callable[[], None] = _nothing
-        self.make_room: Callable[[], None] = _nothing
+        self.before_measures: Callable[[], None] = lambda: None
+        self.make_room: Callable[[], None] = lambda: None
         self.dropped: Counter[str] = Counter()
         self._dropped_before: Counter[str] = Counter()
         self._clock = clock
@@ -408,7 +408,3 @@ class Session:
         self._end_world()
         for observer in self.observers:
             observer.close()
-
-
-def _nothing() -> None:
-    """Do nothing."""
