@@ -154,7 +154,7 @@ def plan(
     barred : array of bool, shape (8,)
         Mask of first turns, in steps of 45 degrees to the left, that are not allowed.
     targets : sequence of Target
-        What the ground sensor reports; where rooms are equal for IR, it is the only one that tells.
+        Places that the ground sensor reports: where rooms are equal for IR, only they make a difference.
 
     Returns
     -------

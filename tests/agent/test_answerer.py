@@ -270,7 +270,7 @@ def test_a_robot_without_any_decision_drives_and_does_not_collide(lab_name: str,
 def test_the_end_of_a_thin_wall_between_two_cones_is_not_driven_into(
     seed: int, late: float, cycles: float
 ) -> None:
-    """The robot met it in each of these runs, whether its answers were late or not, before it remembered."""
+    """Runs that met it, or came near it, whether answers were late or not, before the robot remembered."""
 
     def delay(chance: random.Random) -> float:
         return chance.uniform(1.0, cycles) if chance.random() < late else 0.05

@@ -83,7 +83,7 @@ class Lattice:
     _padded: list[Floats] = field(default_factory=list)
     _moves: dict[int, Indices] = field(default_factory=dict)
     _scratch: dict[int, Floats] = field(default_factory=dict)
-    kept: dict[tuple[Lab, int], Any] = field(default_factory=dict)
+    kept: dict[tuple[Lab, int], Any] = field(default_factory=dict, compare=False, repr=False)
     """Tables of beacons, by lab and number: they are needed as long as the lattice."""
 
     @property

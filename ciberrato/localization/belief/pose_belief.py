@@ -120,7 +120,7 @@ class PoseBelief:
         self.normalize()
 
     def renumber(self, lattice: Lattice) -> None:
-        """Go over to a lattice with other numbers for the same nodes, on which all listed states are free.
+        """Change to a lattice with other numbers for the same nodes, on which all listed states are free.
 
         Parameters
         ----------

@@ -253,7 +253,7 @@ class GridFilter:
             self.refinement.follow(step, min(step.exponent / self.stage.settings.exponent, 1.0))
 
     def _make_room(self, moment: Moment) -> None:
-        """Go back to the first stage if there are no fine tables where the robot may be after a moment."""
+        """Return to the first stage if there are no fine tables where the robot may be after a moment."""
         if self.fine is None or not self.is_fine:
             return
         way = max(

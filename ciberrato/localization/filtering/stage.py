@@ -74,7 +74,7 @@ class Stage:
         )
 
     def renew(self, tables: PoseTables) -> None:
-        """Go over to tables of another part of the lab, of the same resolution, with all states in it."""
+        """Change to tables of another part of the lab, of the same resolution, with all states in it."""
         self.tables = tables
         self.belief.renumber(tables.lattice)
         self.ground = GroundSensor(self.lab, self.belief)
@@ -188,7 +188,7 @@ class FineStage:
         return fine
 
     def make_room(self, stage: Stage, way: float, motions: int) -> bool:
-        """Have the fine stage's part of the lab reach as far as a belief may come.
+        """Move the fine stage's part of the lab, so that it reaches as far as a belief may come.
 
         Parameters
         ----------
