@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
+import math
 import os
 import sys
 from collections.abc import Callable
@@ -16,10 +17,12 @@ from typing import IO, Any, NoReturn
 
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.plaintext import plain
-from ciberrato.system.limits import allow_descriptors, memory_is_limited
+from ciberrato.system.limits import allow_descriptors, allowed_memory
 from ciberrato.system.process import reader_has_gone, take_any_character
 from ciberrato.version import __version__
 
+LEAST_MEMORY = 256
+"""MB of address space: with less, numpy's BLAS may end the process when it is loaded, or loop without end."""
 LEAST_DESCRIPTORS = 16
 """Files that a process has open: streams, sockets, a log, what an import opens, pipes to other processes."""
 _USED_UP = {errno.EMFILE: "file descriptors", errno.ENFILE: "file descriptors", errno.ENOMEM: "memory"}
@@ -197,10 +200,14 @@ def _open_streams() -> None:
 
 
 def _check_limits() -> None:
-    """Refuse to begin with too few file descriptors; let libraries be modest where memory is limited."""
+    """Refuse too few descriptors and too little memory; use few threads where memory is limited."""
     enough = allow_descriptors(LEAST_DESCRIPTORS)
     if enough < LEAST_DESCRIPTORS:
         raise UsageError(f"only {enough} file descriptors are allowed: {_HELP['file descriptors']}")
-    if memory_is_limited():
+    memory = allowed_memory()
+    if memory < LEAST_MEMORY:
+        least = f"allow it {LEAST_MEMORY} MB at least (ulimit -v)"
+        raise UsageError(f"only {memory:.0f} MB of memory are allowed: {least}")
+    if memory < math.inf:
         # Its threads each ask for memory when numpy is loaded, and end the process where there is none.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

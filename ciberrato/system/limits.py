@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import Any
 
@@ -40,10 +41,13 @@ def allow_descriptors(least: int) -> int:
     return descriptors()
 
 
-def memory_is_limited() -> bool:
-    """Return whether this process may have so much memory and no more."""
+def allowed_memory() -> float:
+    """Return the address space that a process may have, in MB of 2 ** 20 bytes; infinity without limit."""
     resource = _resource()
-    return resource is not None and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
+    if resource is None:
+        return math.inf
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return math.inf if limit == resource.RLIM_INFINITY else float(limit / 2**20)
 
 
 def file_size_limiter(size: int) -> dict[str, Any]:
