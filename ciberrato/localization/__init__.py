@@ -27,13 +27,9 @@ __all__ = ["Estimate", "FilterSettings", "PoseEstimate", "PoseFilter", "StartPri
 
 def __getattr__(name: str) -> object:
     """Load a name at its first use (PEP 562): modules inside are imported without the others."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import importlib
+    from ciberrato.lazy_names import load
 
-    value: object = getattr(importlib.import_module(_HOMES[name]), name)
-    globals()[name] = value
-    return value
+    return load(globals(), _HOMES, name)
 
 
 def __dir__() -> list[str]:
