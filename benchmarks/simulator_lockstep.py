@@ -175,52 +175,52 @@ def _drive(sockets: list[socket.socket], used: Callable[[], float]) -> tuple[flo
     return seconds, processor
 
 
-_ECHO = """
+_SOCKETS = """
 import socket, sys, time
 robots, cycles = int(sys.argv[1]), int(sys.argv[2])
-message = b"m" * 355 + b"\\0"
 sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(robots)]
 for own in sockets:
     own.bind(("127.0.0.1", 0))
+"""
+_MEET = """
 print(*(own.getsockname()[1] for own in sockets), flush=True)
 addresses = [own.recvfrom(64)[1] for own in sockets]
 for own, address in zip(sockets, addresses):
     own.connect(address)
 began = time.process_time()
-for _ in range(cycles):
-    for own in sockets:
-        own.send(message)
-    for own in sockets:
-        own.recv(2048)
+"""
+_PART = """
 print(time.process_time() - began, flush=True)
 for own in sockets:
     own.send(b"end")
 """
 
 
-_BARE_LOOP = """
-import socket, sys, time
+_ECHO = f"""{_SOCKETS}
+message = b"m" * 355 + b"\\0"
+{_MEET}
+for _ in range(cycles):
+    for own in sockets:
+        own.send(message)
+    for own in sockets:
+        own.recv(2048)
+{_PART}"""
+
+
+_BARE_LOOP = f"""{_SOCKETS}
 from ciberrato.files.lab import read_lab
 from ciberrato.labs import find_lab
 from ciberrato.protocol import RobotRegistration, decode_actions
 from ciberrato.world.parameters import Parameters
-from simulator_stub.assembly import _parse_inline
+from ciberrato.world.start_grid import GridPosition, StartGrid
 from simulator_stub.simulation import Simulation
-robots, cycles, compiled = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3] == "compiled"
-grid = _parse_inline(";".join(f"{3 + 4 * number},3,0" for number in range(robots)))
-lab = read_lab(find_lab("maze"))
+grid = StartGrid(positions=[GridPosition(x=3.0 + 4 * number, y=3.0) for number in range(robots)])
+lab, compiled = read_lab(find_lab("maze")), sys.argv[3] == "compiled"
 simulation = Simulation(lab, grid, Parameters(sim_time=0), seed=1, compiled=compiled)
 for _ in range(robots):
     simulation.register(RobotRegistration())
 simulation.launch()
-sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(robots)]
-for own in sockets:
-    own.bind(("127.0.0.1", 0))
-print(*(own.getsockname()[1] for own in sockets), flush=True)
-addresses = [own.recvfrom(64)[1] for own in sockets]
-for own, address in zip(sockets, addresses):
-    own.connect(address)
-began = time.process_time()
+{_MEET}
 for _ in range(cycles):
     for own, data in zip(sockets, simulation.advance_encoded().values()):
         own.send(data)
@@ -228,10 +228,7 @@ for _ in range(cycles):
     simulation.begin_cycle()
     for robot, own in enumerate(sockets, start=1):
         simulation.act(robot, decode_actions(own.recv(2048)))
-print(time.process_time() - began, flush=True)
-for own in sockets:
-    own.send(b"end")
-"""
+{_PART}"""
 
 
 def bare_loop(robots: int, *, compiled: bool) -> float:

@@ -160,6 +160,11 @@ def _moved(
     return np.asarray((places - centre) @ np.array([[cosine, sine], [-sine, cosine]]) + onto)
 
 
+def _some(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return as many of a room's places as are compared in full."""
+    return places[:: max(len(places) // _PLACES, 1)]
+
+
 def _aligned(
     space: FreeSpace,
     places: NDArray[np.float64],
@@ -171,7 +176,7 @@ def _aligned(
 
     The mean of a room's places is out by some hundredths, as their lattice is not turned with it.
     """
-    here = places[:: max(len(places) // _PLACES, 1)]
+    here = _some(places)
     before, at = space.walls.distance(*here.T), np.array(onto)
     for _ in range(3):
         there = _moved(here, centre, (float(at[0]), float(at[1])), turn)
@@ -202,7 +207,7 @@ def _same(
     noise: float,
 ) -> bool:
     """Return whether all is the same at some places and after they have been moved."""
-    here = places[:: max(len(places) // _PLACES, 1)]
+    here = _some(places)
     there = _moved(here, centre, onto, turn)
     walls = space.walls
     if (np.abs(walls.distance(*here.T) - walls.distance(*there.T)) < _EQUAL).mean() < ALL:

@@ -17,17 +17,6 @@ from ciberrato.bayes.spaces import pose_grid
 from examples import museum
 
 
-@pytest.fixture(scope="module")
-def loops():
-    pytest.importorskip("numba")
-    before = compiled.kernels(1)
-    assert compiled.load()
-    module = compiled.kernels(1)
-    compiled.use(None)
-    yield module
-    compiled.use(before)
-
-
 @pytest.fixture
 def machine_code(loops):
     compiled.use(loops)

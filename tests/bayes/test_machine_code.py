@@ -18,17 +18,6 @@ from examples import museum
 BEAM = museum.BEAM.beam_log_likelihood
 
 
-@pytest.fixture(scope="module")
-def loops():
-    pytest.importorskip("numba")
-    before = compiled.kernels(1)
-    assert compiled.load()
-    module = compiled.kernels(1)
-    compiled.use(None)
-    yield module
-    compiled.use(before)
-
-
 @pytest.fixture
 def with_and_without(loops):
     def both(work):

@@ -169,25 +169,25 @@ def disabled_becomes(page: Any, selector: str, wanted: bool) -> None:
     becomes(page, "(s) => document.querySelector(s)?.disabled", wanted, selector)
 
 
+PLACE = r"""(robot) => document.querySelector(`.robot-g[data-robot="${robot}"]`)
+    .getAttribute("transform").match(/-?[\d.]+(?:e-?\d+)?/g).slice(0, 2).map(Number)"""
+
+
 def distance_exceeds(page: Any, robot: int, point: tuple[float, float], least: float) -> None:
     """Wait until the robot is drawn more than ``least`` units from ``point``."""
-    script = r"""([robot, [x, y], least]) => {
-        const transform = document.querySelector(`.robot-g[data-robot="${robot}"]`).getAttribute('transform');
-        const [there, up] = transform.match(/-?[\d.]+(?:e-?\d+)?/g).map(Number);
-        return Math.hypot(there - x, up - y) > least;
-    }"""
+    script = f"""([robot, point, least]) => {{
+        const [x, y] = ({PLACE})(robot);
+        return Math.hypot(x - point[0], y - point[1]) > least;
+    }}"""
     page.wait_for_function(script, arg=[robot, point, least])
 
 
 def place_becomes(page: Any, robot: int, wanted: tuple[float, float]) -> None:
-    script = r"""(robot) => document.querySelector(`.robot-g[data-robot="${robot}"]`)
-        .getAttribute("transform").match(/-?[\d.]+(?:e-?\d+)?/g).slice(0, 2).map(Number)"""
-    becomes(page, script, list(wanted), robot)
+    becomes(page, PLACE, list(wanted), robot)
 
 
 def place(page: Any, robot: int = 1) -> tuple[float, float]:
-    transform = page.get_attribute(f'.robot-g[data-robot="{robot}"]', "transform")
-    x, y = map(float, re.findall(r"-?[\d.]+(?:e-?\d+)?", transform))
+    x, y = page.evaluate(PLACE, robot)
     return x, y
 
 
