@@ -101,7 +101,7 @@ def test_the_viewers_page(elsewhere, tmp_path):
     viewer = (program("viewer"), "--simulator", "127.0.0.1:9", "--http", "0", "--overlay", "0")
     with elsewhere.running(tmp_path, *viewer) as running:
         address = until(running, r"page: (\S+)")[1]
-        with urllib.request.urlopen(address, timeout=20) as page:
+        with urllib.request.urlopen(address, timeout=SECONDS) as page:
             assert b"<html" in page.read()
         assert elsewhere.interrupt(running)[0] == 0
 
@@ -110,11 +110,11 @@ def test_a_viewer_ends_with_the_simulator_that_started_it(elsewhere, tmp_path):
     simulator = (program("simulator"), "--port", "0", "--bind", "127.0.0.1", "--view", "0")
     with elsewhere.running(tmp_path, *simulator) as running:
         address = until(running, r"page: (\S+)")[1]
-        with urllib.request.urlopen(address, timeout=20) as page:
+        with urllib.request.urlopen(address, timeout=SECONDS) as page:
             assert b"<html" in page.read()
         assert elsewhere.interrupt(running)[0] == 0
     with pytest.raises(OSError, match="refused"):
-        urllib.request.urlopen(address, timeout=20)
+        urllib.request.urlopen(address, timeout=SECONDS)
 
 
 @pytest.mark.slow
