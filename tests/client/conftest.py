@@ -44,6 +44,17 @@ def simulator(*options):
         running.communicate()
 
 
+def until_silent(robot, last):
+    """Yield a robot's Measures, and let it wait not much longer once those of time `last` have come.
+
+    Not before: its peer may be left without a processor.
+    """
+    for measures in robot:
+        if measures.time == last:
+            robot._timeout = 0.2
+        yield measures
+
+
 @pytest.fixture
 def patient(monkeypatch):
     """Let the drop-in wait for a busy machine; agents of the course wait 2 s."""

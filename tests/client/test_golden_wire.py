@@ -15,8 +15,7 @@ import pytest
 
 from ciberrato import Robot, croblink
 from ciberrato.client.errors import SilenceError
-from tests.client.conftest import PATIENCE
-
+from tests.client.conftest import PATIENCE, until_silent
 
 SESSIONS = sorted((Path(__file__).parents[1] / "data" / "golden" / "seed_runs").glob("*/datagrams.jsonl"))
 MOST = 300
@@ -88,13 +87,13 @@ def test_robot_sees_what_was_recorded(path):
     seen = []
     with Player(path) as player:
         wanted = [parsed(data) for data in player.measures]
-        assert wanted[-1][1]  # so that the last one is seen below
+        assert wanted[-1][1]
         robot = Robot("pClient1", player.host, position=1, angles=(0, 90, -90, 180), timeout=PATIENCE)
         with pytest.raises(SilenceError, match="after time"), robot:
-            for measures in robot:
-                seen.append((measures.time, measures.start, measures.compass, list(measures.infrared)))
-                if measures.time == wanted[-1][0]:
-                    robot._timeout = 0.2  # not before: the player, too, may be left without a processor
+            seen += (
+                (measures.time, measures.start, measures.compass, list(measures.infrared))
+                for measures in until_silent(robot, wanted[-1][0])
+            )
     assert seen == [one for one in wanted if one[1]]
     # One message a cycle; with motors 0 while the recorded simulator did not run.
     assert len(player.heard) == 1 + len(wanted)

@@ -11,7 +11,7 @@ import urllib.request
 
 import pytest
 
-from tests.system.programs import System, program, until
+from tests.system.programs import SECONDS, System, program, until
 
 TRANSPORTS = ("udp", "tcp")
 COURSE = """
