@@ -24,7 +24,7 @@ from tests.grading.agents import (
     table,
     write,
 )
-from tests.grading.program import command, rows, run
+from tests.grading.program import command, rows, run, wait_for_a_run
 
 HEAD = """
     title = 'Test <i>course</i>'
@@ -125,8 +125,7 @@ def test_interrupted_and_taken_up_again_it_writes_the_same_files(tmp_path):
     for number, status in ((signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)):
         words = command(path, "--output", halves, "--jobs", "1")
         process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        while b"runs," not in process.stderr.read1():  # the bar moves: a run is done
-            pass
+        wait_for_a_run(process)
         process.send_signal(number)
         process.communicate(timeout=120)
         assert process.returncode == status
