@@ -193,7 +193,7 @@ def test_a_seed_in_lockstep_gives_one_log_byte_for_byte(tmp_path, number):
         ) as simulator:
             port = next(found[1] for line in simulator.stdout if (found := re.search(r"udp .*:(\d+)", line)))
             words = ["-h", f"127.0.0.1:{port}", "-m", "maze", "--exit-at-wall", "--quiet"]
-            done = subprocess.run([sys.executable, "-m", "agent", *words], cwd=folder, timeout=120)
+            done = subprocess.run([sys.executable, "-m", "agent", *words], cwd=folder, timeout=300)
             simulator.send_signal(signal.SIGINT)
             assert done.returncode in (0, 3)
         logs.append((folder / "run.jsonl").read_bytes())

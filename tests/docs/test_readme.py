@@ -143,7 +143,7 @@ def test_the_recipe_for_ci_tells_that_the_simulator_did_not_start(tmp_path):
         cwd=tmp_path,
         env=os.environ | {"PATH": path},
         capture_output=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 2

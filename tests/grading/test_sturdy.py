@@ -45,7 +45,7 @@ def test_the_next_grading_removes_what_a_killed_one_left(tmp_path, temporary):
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     wait_for_a_run(process)
     process.kill()
-    process.communicate(timeout=120)
+    process.communicate(timeout=300)
     assert len(list(temporary.glob("ciberrato-grade-*"))) == 1
     run(path, "--quiet", "--output", tmp_path / "report")
     assert not list(temporary.glob("ciberrato-grade-*"))

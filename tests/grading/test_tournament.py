@@ -122,7 +122,7 @@ def test_bad_agents_end_as_they_would_alone_and_runs_are_the_same_again_after_an
         process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         wait_for_a_run(process)
         process.send_signal(number)
-        process.communicate(timeout=120)
+        process.communicate(timeout=300)
         assert process.returncode == status
     done = (halves / "runs.jsonl").read_bytes().splitlines()
     assert 2 <= len(done) < 4
