@@ -32,8 +32,8 @@ def drive(system, folder, transport):
     folder.mkdir()
     simulator = (
         *(program("simulator"), "--lab", "standard", "--grid", "standard", "--seed", "1", "--port", "0"),
-        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep", "--answer-limit", "10"),
-        *("--exit-when-silent", "0.5", "--log", "log.xml", "--result", "result.json"),
+        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep", "--answer-limit", "inf"),
+        *("--log", "log.xml", "--result", "result.json"),
     )
     with system.running(folder, *simulator) as simulation:
         port = until(simulation, rf"{transport} \S+:(\d+)")[1]
@@ -42,8 +42,8 @@ def drive(system, folder, transport):
             *(program("agent"), "-h", f"127.0.0.1:{port}", "-m", "standard", "--transport", transport),
             *("--exit-at-wall", "--lockstep", "--log", "run.jsonl"),
         )
-        said = simulation.stdout.read()
-        assert simulation.wait() == 0, said
+        status, said = system.interrupt(simulation)
+        assert status == 0, said
     result = json.loads((folder / "result.json").read_bytes())["runs"][0]["robots"][0]
     last = json.loads((folder / "run.jsonl").read_bytes().splitlines()[-1])["time"]
     log, found, _ = (folder / "log.xml").read_bytes().partition(b'<LogInfo Time="%d">' % last)
