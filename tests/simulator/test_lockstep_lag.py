@@ -18,6 +18,7 @@ import pytest
 from simulator_stub.assembly import build_server
 from simulator_stub.options import parse_arguments
 from simulator_stub.service.client_process import Activity, watch_client
+from simulator_stub.service.pace import Lockstep
 
 CLIENT = Path(__file__).with_name("talking_client.py")
 CYCLES = 150
@@ -46,6 +47,8 @@ class Outcome:
     def run(self, options: list[str], kind: str, *arguments: str) -> None:
         self.notices: list[str] = []
         server = build_server(parse_arguments(options), print_line=lambda _: None, notify=self.notices.append)
+        assert isinstance(server.pace, Lockstep)
+        server.pace.limit = PATIENCE  # of a client at work: it may have to wait for a processor
         command = [sys.executable, str(CLIENT), kind, str(server.port), str(CYCLES), *arguments]
         with subprocess.Popen(command) as client:
             try:
