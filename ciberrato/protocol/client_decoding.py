@@ -19,15 +19,17 @@ from ciberrato.protocol.messages import (
     Actions,
     GridRequest,
     LabRequest,
-    PanelRegistration,
-    Registration,
     RemoveRobot,
     Reset,
-    RobotBeaconRegistration,
-    RobotRegistration,
     Start,
     Stop,
     ViewCommand,
+)
+from ciberrato.protocol.registrations import (
+    PanelRegistration,
+    Registration,
+    RobotBeaconRegistration,
+    RobotRegistration,
     ViewRegistration,
 )
 from ciberrato.protocol.text import finite_real, lenient_integer, lenient_real, shown

@@ -38,7 +38,7 @@ LIBRARY = {
     "physics": WORLD | {"geometry"},
     "bayes": {"errors", "machine_code", "reprs", "system"},
     "infrared": SHAPES | {"bayes"},
-    "protocol": WORLD,
+    "protocol": WORLD | {"lazy_names"},
     "files": WORLD | {"geometry", "protocol", "system"},
     "overlay": {"arrays", "errors", "reprs"},
     "net": {"errors", "overlay", "protocol", "reprs", "system"},
