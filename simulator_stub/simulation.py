@@ -76,6 +76,8 @@ class Simulation:
         drive.
     robots : tuple of Robot
         Robots in order of their ids, removed ones too: the live records, not to be changed.
+    state : SimulatorState
+        State of the simulator in the coming call of `step`.
     worlds : int
         Number of worlds that have begun: at first, and after each `reset` and `restart`.
 
@@ -110,9 +112,11 @@ class Simulation:
         self.worlds = 0
         self._compiled = CompiledCycle(self.world) if compiled else None
         self._machine = SimulatorStateMachine()
+        self.state = self._machine.current
         self._robots: dict[int, Robot] = {}
         self.robots: tuple[Robot, ...] = ()
         self._present: list[Robot] = []
+        self._written = False
         self._equipment: dict[int, Equipment] = {}
         self._carried_beacon: Beacon | None = None
         self._begin_world()
@@ -126,11 +130,6 @@ class Simulation:
         self.gps_offset = (GPS_OFFSET_RANGE * float(draw()), GPS_OFFSET_RANGE * float(draw()))
 
     # --- what is in it ---------------------------------------------------------------------------
-
-    @property
-    def state(self) -> SimulatorState:
-        """State of the simulator in the coming call of `step`."""
-        return self._machine.current
 
     def poses(self) -> NDArray[np.float64]:
         """Return the true poses.
@@ -255,6 +254,7 @@ class Simulation:
         """
         self._noise = self._noise.next_world() if seed is None else NoiseRoot.from_seed(seed)
         self._machine = SimulatorStateMachine()
+        self.state = self._machine.current
         self._robots, self.robots = {}, ()
         self._equipment = {}
         self._carried_beacon = None
@@ -276,6 +276,7 @@ class Simulation:
             self._robots[robot_id] = fresh
         self.robots = tuple(self._robots.values())
         self._machine = SimulatorStateMachine(SimulatorState.STOPPED)
+        self.state = self._machine.current
         self.start()
 
     # --- a cycle -----------------------------------------------------------------------------------
@@ -357,19 +358,29 @@ class Simulation:
     def advance_encoded(self) -> dict[int, bytes]:
         """Do the same as `advance`, and return the messages as they are sent."""
         self._run()
+        if self._written and self._compiled is not None:
+            return self._compiled.datagrams(self.time, self._buttons())
         buttons, equipment = self._buttons(), self._equipment
         return {
             one.robot_id: equipment[one.robot_id].encoded(one, self.time, buttons) for one in self._present
         }
 
     def _run(self) -> None:
-        present = self._present = [robot for robot in self.robots if robot.state is not RobotState.REMOVED]
-        running = self._machine.current is SimulatorState.RUNNING
+        present, speakers = [], []
+        for robot in self.robots:
+            if robot.state is not RobotState.REMOVED:
+                present.append(robot)
+            if robot.said is not None:
+                speakers.append(robot)
+        self._present = present
+        running = self.state is SimulatorState.RUNNING
         self.time += running
-        speakers = [robot for robot in self.robots if robot.said is not None]
         scene = Scene(present, self.time, running, speakers, self.gps_offset)
         compiled = self._compiled if running else None
-        if compiled is None or not compiled.run(present, self._equipment, scene):
+        self._written = compiled is not None and compiled.run(
+            present, self._equipment, scene, self._buttons()
+        )
+        if not self._written:
             if running:
                 move(self.world, present)
             for robot in present:
@@ -395,9 +406,16 @@ class Simulation:
         if 0 < limit <= self.time:
             self._machine.handle(SimulatorEvent.TIME_UP)
         self._machine.close_cycle()
-        state = self._machine.current
+        state = self.state = self._machine.current
+        running = state is SimulatorState.RUNNING
         for robot in self.robots:
             before = robot.state
+            if (
+                running
+                and before in MOVING
+                and not (robot.end_led or robot.returning_led or robot.removal_requested)
+            ):
+                continue  # no condition holds: so it is in nearly every cycle
             after = next_state(robot, state, self.scoring)
             if after is before:
                 continue

@@ -51,6 +51,7 @@ _PLAIN_ACTIONS = re.compile(
     rb" ?/>[ \t\r\n]*(?:\0|\Z)"
 )
 _ROBOT_ELEMENTS = ("Actions", "SensorRequests", "Say")
+_new_draft = ActionsDraft.__new__
 _LED = {None: None, b"On": True, b"Off": False}
 
 
@@ -143,13 +144,17 @@ def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions
     plain = _PLAIN_ACTIONS.match(data)
     if plain and (limit is None or plain.end() <= limit):
         left, right, end_led, returning_led, visiting_led = plain.groups()
-        draft: Any = ActionsDraft()
+        draft: Any = _new_draft(ActionsDraft)  # without the calls of its methods: one comes in every cycle
         draft.left_motor = float(left)
         draft.right_motor = float(right)
         draft.end_led = _LED[end_led]
         draft.returning_led = _LED[returning_led]
         draft.visiting_led = _LED[visiting_led]
-        actions: Actions = draft.finish()
+        draft.requests = ()
+        draft.say = None
+        draft.reset = False
+        draft.__class__ = Actions
+        actions: Actions = draft
         return actions
     root = _parse(message_bytes(data, limit))
     if root.name not in _ROBOT_ELEMENTS:
