@@ -20,6 +20,7 @@ from ciberrato.infrared.model import SENSOR_OFFSET
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.protocol.measures_text import HEAD_PIECES, TAILS
 from ciberrato.world.lab import Lab
+from simulator_stub.sensors.base import Scene
 from simulator_stub.sensors.line import TEXTS
 from simulator_stub.world.floor import Floor
 from simulator_stub.world.floor_tables import FloorTables
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ciberrato.arrays import Integers
-    from simulator_stub.sensors import Equipment, Scene
+    from simulator_stub.sensors import Equipment
     from simulator_stub.world.robot import Robot
     from simulator_stub.world.world import World
 
@@ -81,6 +82,7 @@ class CompiledCycle:
             (parameters.obstacle_latency, parameters.compass_latency, parameters.ground_latency)
         ) or bool(parameters.collision_latency)
         self._pieces = _rows(_PIECES)
+        self._sent = 0, (False, False)
         self._make_room([], [])
         self._call(0, 0)  # compiled, or read from the disk, before the first robot waits for it
 
@@ -123,7 +125,8 @@ class CompiledCycle:
         self,
         robots: Sequence[Robot],
         equipment: Mapping[int, Equipment],
-        scene: Scene,
+        speakers: Sequence[Robot],
+        time: int,
         buttons: tuple[bool, bool],
     ) -> bool:
         """Move robots and measure, if all of it can be decided here.
@@ -134,8 +137,10 @@ class CompiledCycle:
             All that are not removed.
         equipment : mapping of int to Equipment
             By robot id.
-        scene : Scene
-            Of a running cycle.
+        speakers : sequence of Robot
+            Those that say something.
+        time : int
+            Simulated cycles, this one included.
         buttons : (bool, bool)
             Start and Stop.
 
@@ -160,8 +165,9 @@ class CompiledCycle:
                 16 * robot.end_led + 8 * robot.returning_led + 4 * robot.visiting_led,
             )  # fmt: skip
             place += _ROW
+        self._sent = time, buttons
         start, stop = buttons
-        while not self._call(scene.time, 2 * start + stop):
+        while not self._call(time, 2 * start + stop):
             if not self._learn():
                 self._turn = _AHEAD  # the numbers are drawn elsewhere
                 return False
@@ -194,12 +200,12 @@ class CompiledCycle:
                 line.reading = TEXTS[int(marks)]
                 sizes[number] = int(size)
             else:
-                line.update(robot, scene)
-            if hearing.heard or scene.speakers:
-                hearing.update(robot, scene)
+                line.update(robot, Scene(robots, time, True))
+            if hearing.heard or speakers:
+                hearing.update(robot, Scene(robots, time, True, speakers))
         return True
 
-    def datagrams(self, time: int, buttons: tuple[bool, bool]) -> dict[int, bytes]:
+    def datagrams(self) -> dict[int, bytes]:
         """Return what `Equipment.encoded` does for each robot, after `run` has returned True."""
         written, begin = self._written, len(_PIECES) * _WIDTH
         found = {}
@@ -207,7 +213,7 @@ class CompiledCycle:
             if size and not plan[5].heard:
                 found[robot.robot_id] = bytes(written[begin : begin + size])
             else:
-                found[robot.robot_id] = one.encoded(robot, time, buttons)
+                found[robot.robot_id] = one.encoded(robot, *self._sent)
             begin += _WIDTH
         return found
 

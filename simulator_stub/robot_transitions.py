@@ -79,6 +79,12 @@ def next_state(robot: Robot, simulator: SimulatorState, scoring: Scoring) -> Rob
     RobotState
     """
     state = robot.state
+    if (
+        (state is RobotState.RUNNING or state is RobotState.RETURNING)
+        and simulator is SimulatorState.RUNNING
+        and not (robot.removal_requested or robot.end_led or robot.returning_led)
+    ):
+        return state  # no condition holds: so it is in nearly every cycle
     for condition, chosen in TRANSITIONS[state]:
         if condition(robot, simulator, scoring):
             return robot.remembered_state if chosen is None else chosen

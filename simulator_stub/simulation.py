@@ -111,8 +111,7 @@ class Simulation:
         self._noise = NoiseRoot.from_seed(seed)
         self.worlds = 0
         self._compiled = CompiledCycle(self.world) if compiled else None
-        self._machine = SimulatorStateMachine()
-        self.state = self._machine.current
+        self._machine, self.state = SimulatorStateMachine(), SimulatorState.READY
         self._robots: dict[int, Robot] = {}
         self.robots: tuple[Robot, ...] = ()
         self._present: list[Robot] = []
@@ -253,8 +252,7 @@ class Simulation:
             As for a new simulation; by default fresh random numbers follow from the seed that it has.
         """
         self._noise = self._noise.next_world() if seed is None else NoiseRoot.from_seed(seed)
-        self._machine = SimulatorStateMachine()
-        self.state = self._machine.current
+        self._machine, self.state = SimulatorStateMachine(), SimulatorState.READY
         self._robots, self.robots = {}, ()
         self._equipment = {}
         self._carried_beacon = None
@@ -275,8 +273,7 @@ class Simulation:
                 fresh.state = RobotState.REMOVED
             self._robots[robot_id] = fresh
         self.robots = tuple(self._robots.values())
-        self._machine = SimulatorStateMachine(SimulatorState.STOPPED)
-        self.state = self._machine.current
+        self._machine, self.state = SimulatorStateMachine(SimulatorState.STOPPED), SimulatorState.STOPPED
         self.start()
 
     # --- a cycle -----------------------------------------------------------------------------------
@@ -350,7 +347,7 @@ class Simulation:
     def advance(self) -> dict[int, Measures]:
         """Advance the time if the simulator is running; measure in any case."""
         self._run()
-        buttons, equipment = self._buttons(), self._equipment
+        buttons, equipment = self._machine.buttons, self._equipment
         return {
             one.robot_id: equipment[one.robot_id].measures(one, self.time, buttons) for one in self._present
         }
@@ -359,28 +356,23 @@ class Simulation:
         """Do the same as `advance`, and return the messages as they are sent."""
         self._run()
         if self._written and self._compiled is not None:
-            return self._compiled.datagrams(self.time, self._buttons())
-        buttons, equipment = self._buttons(), self._equipment
+            return self._compiled.datagrams()
+        buttons, equipment = self._machine.buttons, self._equipment
         return {
             one.robot_id: equipment[one.robot_id].encoded(one, self.time, buttons) for one in self._present
         }
 
     def _run(self) -> None:
-        present, speakers = [], []
-        for robot in self.robots:
-            if robot.state is not RobotState.REMOVED:
-                present.append(robot)
-            if robot.said is not None:
-                speakers.append(robot)
-        self._present = present
+        present = self._present = [robot for robot in self.robots if robot.state is not RobotState.REMOVED]
+        speakers = [robot for robot in self.robots if robot.said is not None]
         running = self.state is SimulatorState.RUNNING
         self.time += running
-        scene = Scene(present, self.time, running, speakers, self.gps_offset)
         compiled = self._compiled if running else None
         self._written = compiled is not None and compiled.run(
-            present, self._equipment, scene, self._buttons()
+            present, self._equipment, speakers, self.time, self._machine.buttons
         )
         if not self._written:
+            scene = Scene(present, self.time, running, speakers, self.gps_offset)
             if running:
                 move(self.world, present)
             for robot in present:
@@ -390,10 +382,6 @@ class Simulation:
             for robot in present:
                 if robot.state in MOVING:
                     self.scoring.update(robot, self.time, present)
-
-    def _buttons(self) -> tuple[bool, bool]:
-        coming = self._machine.coming
-        return coming is SimulatorState.RUNNING, coming is SimulatorState.STOPPED
 
     def statuses(self) -> tuple[RobotStatus, ...]:
         """Return what views receive; between `advance` and `end_cycle`, as states change only then."""
@@ -407,15 +395,8 @@ class Simulation:
             self._machine.handle(SimulatorEvent.TIME_UP)
         self._machine.close_cycle()
         state = self.state = self._machine.current
-        running = state is SimulatorState.RUNNING
         for robot in self.robots:
             before = robot.state
-            if (
-                running
-                and before in MOVING
-                and not (robot.end_led or robot.returning_led or robot.removal_requested)
-            ):
-                continue  # no condition holds: so it is in nearly every cycle
             after = next_state(robot, state, self.scoring)
             if after is before:
                 continue
@@ -434,5 +415,5 @@ class Simulation:
         over : bool
             Whether the time is over, so that both buttons are off.
         """
-        measures = self._equipment[robot.robot_id].readings(robot, self.time, self._buttons())
+        measures = self._equipment[robot.robot_id].readings(robot, self.time, self._machine.buttons)
         return replace(measures, start=False, stop=False) if over else measures

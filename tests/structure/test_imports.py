@@ -74,7 +74,7 @@ SIMULATOR = {
     "sensors": {"world"},
     "scoring": {"world"},
     "robot_transitions": {"scoring", "world"},
-    "cycle_loops": {"sensors"},
+    "cycle_loops": {"sensors", "world"},
     "compiled_cycle": {"cycle_loops", "sensors", "world"},
     "simulation": {"compiled_cycle", "robot_transitions", "scoring", "sensors", "world"},
     "batch": {"cycle_loops", "scoring", "sensors", "simulation", "world"},
