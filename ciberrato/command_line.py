@@ -47,7 +47,15 @@ class ProgramParser(argparse.ArgumentParser):
     """
 
     def __init__(self, program: str, description: str, **options: Any) -> None:
-        super().__init__(prog=program, description=description, allow_abbrev=False, **options)
+        kind = options.pop("formatter_class", argparse.HelpFormatter)
+        width = _columns() - 2
+        super().__init__(
+            prog=program,
+            description=description,
+            allow_abbrev=False,
+            formatter_class=lambda prog: kind(prog, width=width),
+            **options,
+        )
         version = f"ciberrato {__version__}"
         self.add_argument("--version", action="version", version=version, help="show the version and end")
 
@@ -59,6 +67,21 @@ class ProgramParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise what is wrong with the command line."""
         raise UsageError(f"{message} (see {self.prog} --help)")
+
+
+def _columns() -> int:
+    """Return the terminal's width, as argparse finds it out itself, but once and without `shutil`.
+
+    argparse asks for it at every option that is added, and loading `shutil` takes as long as adding them all.
+    """
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isascii() and columns.isdigit() and int(columns) > 0:
+        return int(columns)
+    try:
+        assert sys.__stdout__ is not None
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
+    except (AssertionError, ValueError, OSError):
+        return 80
 
 
 class Output:
