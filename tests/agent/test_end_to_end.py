@@ -105,7 +105,7 @@ def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
             _,
             port,
         ):
-            assert run_agent(folder, port, "--exit-at-wall", "--quiet").returncode == 0
+            assert run_agent(folder, port, "--lockstep", "--exit-at-wall", "--quiet").returncode == 0
         logs.append(read_run(folder / "run.jsonl"))
     first, second = logs
     assert first.steps == second.steps

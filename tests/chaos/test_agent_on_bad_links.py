@@ -192,7 +192,7 @@ def test_a_seed_in_lockstep_gives_one_log_byte_for_byte(tmp_path, number):
             [sys.executable, "-m", "simulator_stub", *words], stdout=subprocess.PIPE, text=True, cwd=folder
         ) as simulator:
             port = next(found[1] for line in simulator.stdout if (found := re.search(r"udp .*:(\d+)", line)))
-            words = ["-h", f"127.0.0.1:{port}", "-m", "maze", "--exit-at-wall", "--quiet"]
+            words = ["-h", f"127.0.0.1:{port}", "-m", "maze", "--lockstep", "--exit-at-wall", "--quiet"]
             done = subprocess.run([sys.executable, "-m", "agent", *words], cwd=folder, timeout=300)
             simulator.send_signal(signal.SIGINT)
             assert done.returncode in (0, 3)

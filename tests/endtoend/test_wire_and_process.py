@@ -60,7 +60,8 @@ def over_the_wire(transport, lab_name, start, seed, folder):
         port = next(
             found[1] for line in simulator.stdout if (found := re.search(rf"{transport} .*:(\d+)", line))
         )
-        agent_words = ["-h", f"127.0.0.1:{port}", "-m", lab_name, "--transport", transport, "--exit-at-wall"]
+        agent_words = ["-h", f"127.0.0.1:{port}", "-m", lab_name, "--transport", transport]
+        agent_words += ["--lockstep", "--exit-at-wall"]
         with running("agent", *agent_words, folder=folder) as agent:
             output = agent.stdout.read()
             assert agent.wait() == 0, output
