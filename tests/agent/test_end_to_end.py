@@ -66,7 +66,7 @@ def test_a_whole_run(tmp_path: Path, transport: str) -> None:
     truth = tmp_path / "truth.csv"
     world = ["--lab", "standard", "--grid", "5,7,0", "--seed", "3"]
     with simulator(
-        *world, "--lockstep", "--answer-limit", "inf", "--autostart", "1", "--truth", str(truth)
+        *world, "--lockstep", "--answer-limit", "300", "--autostart", "1", "--truth", str(truth)
     ) as (_, port):
         result = run_agent(tmp_path, port, "--transport", transport, "--exit-at-wall")
     assert result.returncode == 0, result.stderr
@@ -98,7 +98,7 @@ def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
             "9",
             "--lockstep",
             "--answer-limit",
-            "inf",
+            "300",
             "--autostart",
             "1",
         ) as (
