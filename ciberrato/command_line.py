@@ -17,6 +17,7 @@ from typing import IO, Any, NoReturn
 
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.plaintext import plain
+from ciberrato.system.ending import raised_for_signals, word_and_status
 from ciberrato.system.limits import allow_descriptors, allowed_memory
 from ciberrato.system.process import reader_has_gone, take_any_character
 from ciberrato.version import __version__
@@ -166,15 +167,20 @@ def run_program(program: str, body: Callable[[], int], *, shows: Callable[[], bo
 
 def _status(program: str, body: Callable[[], int], output: Output, shows: Callable[[], bool]) -> int:
     try:
-        _check_limits()
-        status = body()
-        output.flush()
+        with raised_for_signals():
+            _check_limits()
+            status = body()
+            output.flush()
         fault = output.fault
         if fault is not None and not reader_has_gone(fault):  # a reader that has seen enough is no fault
             print(f"{program}: the output is cut short: {fault.strerror}", file=sys.stderr)
             status = status or 2 * shows()
     except CiberratoError as error:
         _tell(program, str(error))
+    except KeyboardInterrupt as interrupt:
+        word, status = word_and_status(interrupt)
+        _tell(program, word)
+        return status
     except Exception as error:
         what = used_up(error)
         if what is None:

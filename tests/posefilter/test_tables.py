@@ -404,7 +404,7 @@ def test_a_worker_that_is_stopped_leaves_no_scratch_folder(small_lab, tmp_path, 
         small_lab, (0.0,), coarse=0.02, fine=0.01, folder=cache / "tables", progress=progress
     )
     worker.start()
-    assert begun.wait(60.0)
+    assert begun.wait(300.0)
     # What it computes in is there while it computes, and only where nothing can be kept.
     assert len(list(scratch.iterdir())) == (0 if keeps else 1)
     worker.stop()

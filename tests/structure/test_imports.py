@@ -37,7 +37,7 @@ LIBRARY = {
     "geometry": WORLD,
     "physics": WORLD | {"geometry"},
     "bayes": {"errors", "machine_code", "reprs", "system"},
-    "infrared": SHAPES | {"bayes"},
+    "infrared": SHAPES | {"bayes", "machine_code"},
     "protocol": WORLD | {"lazy_names"},
     "files": WORLD | {"geometry", "protocol", "system"},
     "overlay": {"arrays", "errors", "reprs"},
