@@ -15,9 +15,11 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ciberrato.bayes.kernel_loops import kernels_of_vectors
 from ciberrato.bayes.motion_loops import STRIP, drive_and_turn, turn_rows
 from ciberrato.bayes.ray_loops import cast_rays
 from ciberrato.bayes.scan_loops import RUN, scan_places, scan_states
+from ciberrato.bayes.selected_loops import drive_states, heavy, turn_states
 from ciberrato.bayes.vectors import (
     LANES,
     add,
@@ -43,8 +45,8 @@ _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
 __all__ = (
-    "LANES", "RUN", "STRIP", "cast_rays", "drive_and_turn", "greatest", "products", "scale", "scan_places",
-    "scan_states", "turn_rows",
+    "LANES", "RUN", "STRIP", "cast_rays", "drive_and_turn", "drive_states", "greatest", "heavy",
+    "kernels_of_vectors", "products", "scale", "scan_places", "scan_states", "turn_rows", "turn_states",
 )  # fmt: skip
 
 # exp(x) for x from -700 to 0: 2^n exp(r), |r| <= log(2) / 2, by its series to the 13th power.

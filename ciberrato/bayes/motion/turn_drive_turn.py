@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
-from ciberrato.bayes.motion.in_machine_code import predict_compiled
+from ciberrato.bayes.motion.in_machine_code import predict_compiled, predict_states_compiled
 from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
 from ciberrato.bayes.motion.long_rows import fits, predict_long_rows
@@ -181,20 +181,29 @@ class TurnDriveTurn:
         Returns
         -------
         States
-            Not normalized, as of `predict`.
+            Not normalized, as of `predict`. In machine code (`ciberrato.bayes.compiled`) each mass is off by
+            1e-14 of the greatest at most, and so is what decides which are left out.
         """
         rot1, _, rot2 = self._sigmas(control)
         headings, width = self.space.shape[2], self.space.axes[2].cell
         parts = directions_per_heading(self.space, control.trans, rot2)
         steps = round(control.rot1 * parts / width)
         left = control.rot1 - steps * width / parts
+        free = np.ones(self.space.shape[:2], dtype=bool) if self.free is None else self.free
+
+        def kernels(some: IntArray) -> LatticeKernels:
+            return self._kernels(control, parts, left, None, some)
+
+        if compiled.kernels(self.space.size) is not None and parts == 1:
+            turns = (steps, rot1 / width), ((control.rot2 + left) / width, rot2 / width)
+            return predict_states_compiled(states, masses, self.space.shape, free, turns, kernels, skip)
         return turn_drive_turn(
             states,
             masses,
             turn_matrix(headings, steps / parts, rot1 / width, after=parts),
-            lambda some: self._kernels(control, parts, left, None, some),
+            kernels,
             turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts),
-            np.ones(self.space.shape[:2], dtype=bool) if self.free is None else self.free,
+            free,
             skip,
         )
 
@@ -248,7 +257,8 @@ class TurnDriveTurn:
         direction = axis.centres[0] + part * axis.cell / parts + left
         mean, covariance = ways(self.space, direction, control.trans, self.noise.sigmas(control)[1])
         window = self.window if cut is None else max(self.window, cut)
-        return lattice_kernels(mean, covariance, reach=reach(self.space), sigmas=window, cut=cut)
+        loops = compiled.kernels(self.space.size)
+        return lattice_kernels(mean, covariance, reach=reach(self.space), sigmas=window, cut=cut, loops=loops)
 
     def _images(self, count: int, kind: Any) -> tuple[FloatArray, FloatArray]:
         # Kept from call to call: fresh arrays of this size cost as much in page faults as the work on them.
