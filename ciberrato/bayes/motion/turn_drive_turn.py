@@ -18,14 +18,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
-from ciberrato.bayes.motion.in_machine_code import predict_compiled, predict_states_compiled
+from ciberrato.bayes.motion.in_machine_code import predict_compiled, predict_states_compiled, step_compiled
 from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
 from ciberrato.bayes.motion.long_rows import fits, predict_long_rows
@@ -45,6 +45,24 @@ from ciberrato.bayes.motion.passes import (
 from ciberrato.bayes.motion.selected import States, turn_drive_turn
 from ciberrato.bayes.spaces import StateSpace
 from ciberrato.reprs import short_repr
+
+
+class Plan(NamedTuple):
+    """What moves a belief in machine code.
+
+    Attributes
+    ----------
+    turns : two pairs (turn, sigma)
+        In heading cells.
+    kernels : LatticeKernels
+        One for each heading.
+    """
+
+    turns: tuple[tuple[float, float], tuple[float, float]]
+    kernels: LatticeKernels
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,6 +179,36 @@ class TurnDriveTurn:
             moved *= self.free.ravel()
         after = moved.T @ last
         return Prediction(after.reshape(belief.shape), skipped, truncated)
+
+    def plan(self, control: OdometryReading) -> Plan | None:
+        """Return what `step` moves a belief by; None where machine code is not loaded, or does not do it.
+
+        Errors of the reading as of `predict_with_losses`.
+        """
+        rot1, _, rot2 = self._sigmas(control)
+        width = self.space.axes[2].cell
+        parts = directions_per_heading(self.space, control.trans, rot2)
+        if compiled.kernels(self.space.size) is None or parts != 1 or self.skip_below > 0.0:
+            return None
+        steps = round(control.rot1 / width)
+        left = control.rot1 - steps * width
+        turns = (steps, rot1 / width), ((control.rot2 + left) / width, rot2 / width)
+        return Plan(turns, self._kernels(control, 1, left, None))
+
+    def step(
+        self,
+        plan: Plan,
+        belief: FloatArray,
+        factor: float,
+        scan: tuple[Any, ...],
+        limits: tuple[float, ...],
+        out: FloatArray,
+    ) -> tuple[float, int]:
+        """Move a belief times a factor and multiply it by a scan's likelihood, in machine code.
+
+        Parameters and result as of `ciberrato.bayes.motion.in_machine_code.step_compiled`.
+        """
+        return step_compiled(belief, factor, out, self.free, *plan, scan, limits, self._work)
 
     def predict_states(
         self, states: IntArray, masses: FloatArray, control: OdometryReading, *, skip: float = 0.0
