@@ -182,14 +182,11 @@ def _products(
         np.subtract(given, best, out=part, dtype=np.float64)
         # Of -inf the exponential is 0 at once; what else is far off would be a denormal number.
         distant = given < far + best
-        far_off = bool(distant.any()) and not np.array_equal(distant, given == -np.inf)
-        if far_off:
-            distant = part < far
-            np.maximum(part, far, out=part)
-        np.exp(part, out=part)
+        near = part >= far if distant.any() and not np.array_equal(distant, given == -np.inf) else None
+        np.exp(part if near is None else np.maximum(part, far, out=part), out=part)
         np.multiply(part, held, out=part)
-        if far_off:
-            np.multiply(part, ~distant, out=part)
+        if near is not None:
+            np.multiply(part, near, out=part)
         # Mostly as many are small as hold nothing before: these are not counted.
         low = part < least
         if np.count_nonzero(low) != np.count_nonzero(held == 0.0):

@@ -94,7 +94,9 @@ def test_odd_grids_and_scans(loops, beams, spacing, headings):
     compiled.use(loops)
     try:
         for allowed in (None, rng.random((11, 39)) < 0.7):
-            motion = TurnDriveTurn(space=space, noise=OdometryNoise(rotation=0.4, translation=0.3), free=allowed)
+            motion = TurnDriveTurn(
+                space=space, noise=OdometryNoise(rotation=0.4, translation=0.3), free=allowed
+            )
             robots = [GridFilter(belief, motion) for _ in range(2)]
             for robot, given in zip(robots, (look, without(look)), strict=True):
                 for _ in range(2):
