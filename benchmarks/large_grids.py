@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ciberrato.bayes import SelectiveFilter, compiled
+from ciberrato.bayes import GridFilter, SelectiveFilter, compiled
 from ciberrato.bayes.filtering import update
 from examples import museum
 
@@ -28,6 +28,7 @@ GRIDS = ((0.8, 12), (0.4, 24), (0.4, 90), (0.2, 90), (0.2, 180), (0.2, 360))
 LARGEST = (0.1, 720)
 STOPS = 14
 DOUBLE, SINGLE = "machine code", "machine code, float32"
+ONE_PASS, ONE_PASS_SINGLE = "GridFilter, machine code", "GridFilter, machine code, float32"
 SELECTIVE, LISTED = "selective", "selective, machine code"
 
 
@@ -118,7 +119,7 @@ def add_machine_code(
     """Measure the last step in machine code, in the precisions that the belief can have; one core."""
     if not compiled.load():
         return
-    for name, kind in ((DOUBLE, np.float64), (SINGLE, np.float32)):
+    for name, whole, kind in ((DOUBLE, ONE_PASS, np.float64), (SINGLE, ONE_PASS_SINGLE, np.float32)):
         if belief.dtype == np.float32 and kind == np.float64:
             continue
         now = belief.astype(kind, copy=False)
@@ -132,6 +133,16 @@ def add_machine_code(
 
         step()
         seconds[name], held[name] = cpu_time(step, 3), peak(step)
+        robot = GridFilter(now, hall.motion, dtype=kind)
+
+        def one_pass(robot: GridFilter = robot) -> None:
+            robot.predict(tour.controls[STOPS - 1])
+            robot.update(
+                hall.table.scan(tour.scans[STOPS], museum.BEAM.beam_log_likelihood, weight=museum.WEIGHT)
+            )
+
+        one_pass()
+        seconds[whole], held[whole] = cpu_time(one_pass, 3), peak(one_pass)
     compiled.use(None)
 
 
@@ -178,6 +189,8 @@ def draw(sizes: list[Size], path: Path) -> None:
             ("numpy", "o-"),
             (DOUBLE, "^-"),
             (SINGLE, "v-"),
+            (ONE_PASS, "<-"),
+            (ONE_PASS_SINGLE, ">-"),
             (SELECTIVE, "s-"),
             (LISTED, "D-"),
         ):
