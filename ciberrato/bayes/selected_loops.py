@@ -34,32 +34,26 @@ def heavy(masses, allowed):
     sure = 0.0
     if allowed > 0.0:
         sure = math.ldexp(1.0, math.frexp(allowed / max(1, masses.shape[0]))[1] - 1)
-    power = masses.view(np.int64)
-    held, count = np.zeros(2048), np.zeros(2048, np.int64)
-    rest, least = 0.0, 2047
+    # Two sums of each power of two in turn: the one need not wait for the other.
+    power, held = masses.view(np.uint64), np.zeros(2 * 2048)
+    rest = 0.0
     for k in range(masses.shape[0]):
-        mass = masses[k]
+        mass = masses[_U(k)]
         if mass > 0.0 and mass >= sure:
-            level = power[k] >> 52
-            held[level] += mass
-            count[level] += 1
-            least = min(least, level)
+            held[power[_U(k)] >> _U(52) << _U(1) | _U(k & 1)] += mass
         else:
             rest += mass
-    left_out = rest
-    while least < 2047:
-        if left_out + held[least] > allowed:
-            break
-        left_out += held[least]
+    least, left_out = 0, rest
+    while least < 2047 and left_out + (held[2 * least] + held[2 * least + 1]) <= allowed:
+        left_out += held[2 * least] + held[2 * least + 1]
         least += 1
-    if left_out == rest:
-        least = 0
-    chosen, at = np.empty(count[least:].sum(), np.int64), 0
+    if left_out > rest:
+        sure = max(sure, math.ldexp(1.0, least - 1023) if least else 0.0)
+    chosen, at = np.empty(masses.shape[0], np.int64), 0
     for k in range(masses.shape[0]):
-        if masses[k] > 0.0 and masses[k] >= sure and power[k] >> 52 >= least:
-            chosen[at] = k
-            at += 1
-    return chosen, left_out
+        chosen[_U(at)] = k
+        at += masses[_U(k)] > 0.0 and masses[_U(k)] >= sure
+    return chosen[:at], left_out
 
 
 @_part
@@ -203,42 +197,46 @@ def drive_states(place, heading, mass, shape, free, used, kernel, cells, shares,
         at = begins[kernel[k] + 1]
         along[at], across[at], share[at] = cells[k, 0], cells[k, 1], shares[k]
         begins[kernel[k] + 1] += 1
+    # A border as wide as the longest drive, so that targets are sums of numbers.
+    border = 0
+    for entry in range(kernel.shape[0]):
+        border = max(border, abs(along[entry]), abs(across[entry]))
+    across += along * (columns + 2 * border)
+    inside = np.zeros((rows + 2 * border, columns + 2 * border), np.bool_)
+    inside[border : border + rows, border : border + columns] = free
+    allowed_at, starts = inside.ravel(), np.empty_like(place)
+    here, at = -1, 0
+    for k in range(place.shape[0]):
+        if place[k] != here:
+            here = place[k]
+            x = here // columns
+            at = (x + border) * inside.shape[1] + here - x * columns + border
+        starts[k] = at
     # First which places are reached, then what arrives there.
-    met = np.zeros(rows * columns, np.bool_)
-    low, high = rows * columns, 0
-    here, x, y = -1, 0, 0
+    slot, found = np.zeros(inside.size, np.int32), 0
     for k in range(place.shape[0]):
-        if place[k] != here:
-            here = place[k]
-            x = here // columns
-            y = here - x * columns
         direction = number[heading[k]]
         for entry in range(begins[direction], begins[direction + 1]):
-            i, j = x + along[entry], y + across[entry]
-            if 0 <= i < rows and 0 <= j < columns and free[i, j]:
-                met[i * columns + j] = True
-                low, high = min(low, i * columns + j), max(high, i * columns + j)
-    slot, reached, found = np.empty(rows * columns, np.int64), np.empty(rows * columns, np.int64), 0
-    for at in range(low, high + 1):
-        if met[at]:
-            slot[at], reached[found] = found, at
+            slot[_U(starts[k] + across[_U(entry)])] = 1
+    reached = np.empty(inside.size, np.int32)
+    for target in range(inside.size):
+        if slot[target] and allowed_at[target]:
+            slot[target], reached[found] = found, target
             found += 1
-    after, here = np.zeros((found, count)), -1
+    after = np.zeros((found, count))
     for k in range(place.shape[0]):
-        if place[k] != here:
-            here = place[k]
-            x = here // columns
-            y = here - x * columns
         direction = number[heading[k]]
         for entry in range(begins[direction], begins[direction + 1]):
-            i, j = x + along[entry], y + across[entry]
-            if 0 <= i < rows and 0 <= j < columns and free[i, j]:
-                after[slot[i * columns + j], direction] += mass[k] * share[entry]
+            target = _U(starts[k] + across[_U(entry)])
+            if allowed_at[target]:
+                after[_U(slot[target]), _U(direction)] += mass[k] * share[_U(entry)]
     blocks = _reached(used, taps, first)
     wide, start = LANES * blocks.shape[0], (1 - first - taps) % size
     line = zeros(LANES * -(-size // LANES) + taps, np.float64)
-    turned = np.empty(found * wide)
+    turned, origin = np.empty(found * wide), np.empty(found, np.int64)
     for row in range(found):
+        x, y = divmod(reached[row], inside.shape[1])
+        origin[row] = ((x - border) * columns + y - border) * size
         for k in range(count):
             if after[row, k] > 0.0:
                 _put(line, headings[k], after[row, k], start, size)
@@ -251,6 +249,6 @@ def drive_states(place, heading, mass, shape, free, used, kernel, cells, shares,
         while chosen[k] >= (row + 1) * wide:
             row += 1
         column = chosen[k] - row * wide
-        states[k] = reached[row] * size + LANES * blocks[column // LANES] + column % LANES
+        states[k] = origin[row] + LANES * blocks[column // LANES] + column % LANES
         masses[k] = turned[chosen[k]]
     return states, masses, left_out
