@@ -11,7 +11,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
+from ciberrato.machine_code import kept
+
 _part = numba.njit(error_model="numpy", nogil=True)
 
 
@@ -49,7 +50,7 @@ def _raised(vectors, sizes, mean_x, mean_y, slants):
     return cost
 
 
-@_jit
+@kept
 def kernels_of_vectors(mean, covariance, thin, most):
     """Make small kernels of three vectors: what `ciberrato.bayes.motion.lattice` says of them.
 

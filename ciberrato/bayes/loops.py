@@ -12,7 +12,6 @@ Imported by `ciberrato.bayes.compiled` only.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from ciberrato.bayes.kernel_loops import kernels_of_vectors
@@ -23,8 +22,8 @@ from ciberrato.bayes.scan_loops import RUN, scan_places, scan_states
 from ciberrato.bayes.selected_loops import drive_states, heavy, turn_states
 from ciberrato.bayes.step_loops import drive_and_correct
 from ciberrato.bayes.vectors import LANES, greater, load, outside, store
+from ciberrato.machine_code import kept
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 _U = np.uint64
 
 __all__ = (
@@ -34,7 +33,7 @@ __all__ = (
 )  # fmt: skip
 
 
-@_jit
+@kept
 def greatest(values, begin, end):
     """Return the greatest of flat values; nan if one is."""
     best, wrong = load(np.full(LANES, -np.inf, values.dtype), _U(0)), _U(0)
@@ -53,7 +52,7 @@ def greatest(values, begin, end):
     return np.nan if wrong else np.float64(rest.max())
 
 
-@_jit
+@kept
 def scale(values, factor, begin, end):
     """Multiply by a factor, in place."""
     for k in range(begin, end):

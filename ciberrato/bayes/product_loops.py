@@ -30,8 +30,8 @@ from ciberrato.bayes.vectors import (
     total,
     where_at_least,
 )
+from ciberrato.machine_code import kept
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
@@ -78,7 +78,7 @@ def product(belief, at, scores, seen, best, far, least, floor, most, out, onto):
     return result, low, outside(double(held), splat(0.0), splat(most))
 
 
-@_jit
+@kept
 def products(belief, scores, best, far, least, floor, most, out, begin, end):
     """Multiply beliefs by exp(scores - best), all flat.
 

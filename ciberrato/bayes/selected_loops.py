@@ -14,13 +14,13 @@ import numba
 import numpy as np
 
 from ciberrato.bayes.vectors import LANES, load, multiply_add, splat, store, zeros
+from ciberrato.machine_code import kept
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
 
-@_jit
+@kept
 def heavy(masses, allowed):
     """Return the numbers of the states to keep, and the mass of the others: see `selected.heavy`.
 
@@ -104,7 +104,7 @@ def _turn(line, weights, blocks, size, out, onto):
         out[onto + LANES * (count - 1) + size % LANES : onto + LANES * count] = 0.0
 
 
-@_jit
+@kept
 def turn_states(states, masses, size, weights, first, allowed):
     """Turn listed states.
 
@@ -159,7 +159,7 @@ def turn_states(states, masses, size, weights, first, allowed):
     return place, heading, mass, left_out
 
 
-@_jit
+@kept
 def drive_states(place, heading, mass, shape, free, used, kernel, cells, shares, weights, first, allowed):
     """Drive listed states by the kernels of their headings, and turn them.
 

@@ -15,13 +15,13 @@ from ciberrato.bayes.motion_loops import drive_row, drive_work
 from ciberrato.bayes.product_loops import product
 from ciberrato.bayes.scan_loops import scan_place, scan_work
 from ciberrato.bayes.vectors import LANES, add, count, load, positive, splat, total
+from ciberrato.machine_code import kept
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
 
-@_jit
+@kept
 def drive_and_correct(drives, scan, high, limits, out, begin, end):
     """Drive and turn to some rows of places, and multiply by the likelihood of a scan while they are near.
 
