@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.clearance import clearance
+from agent.drives.outlook import readings_at
 from ciberrato.arrays import Floats, Integers
 from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.estimate import PoseEstimate
@@ -121,18 +122,7 @@ class PredictedReadings:
         return low, high
 
     def _at(self, x: Floats, y: Floats, heading: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        tables, lattice = self._tables, self._tables.lattice
-        column = np.clip(np.round((x - lattice.origin[0]) / lattice.resolution), 0, lattice.nx - 1)
-        row = np.clip(np.round((y - lattice.origin[1]) / lattice.resolution), 0, lattice.ny - 1)
-        square = lattice.index[(row * lattice.nx + column).astype(np.int64)]
-        inside = square < lattice.size
-        square = np.minimum(square, lattice.size - 1)
-        around = tables.codes[0].shape[0] // 2
-        direction = np.round(heading / (2.0 * math.pi) * around).astype(np.int64) % around
-        parts = [
-            self._readings[tables.codes[table][direction + ahead, square]] for table, ahead in tables.sensors
-        ]
-        return np.stack(parts, axis=-1), inside
+        return readings_at(self._tables, self._readings, x, y, heading)
 
 
 def plan(

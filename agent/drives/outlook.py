@@ -1,0 +1,103 @@
+"""What a leg is worth while the pose is unknown: how well its readings would tell likely poses apart.
+
+It is the expected drop of the entropy over a sample of the belief (Thrun, Burgard, Fox, *Probabilistic
+Robotics*, section 17.4) by a straight leg. Readings that could come from a small error of the pose tell
+nothing. `agent.drives.disambiguation` plans whole paths, for a few hypotheses; this asks of one leg only, and
+of many poses.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.drives.clearance import PoseSample
+from ciberrato.arrays import Floats
+from ciberrato.localization.tables.pose_tables import PoseTables
+from ciberrato.localization.tables.reading_codes import code_distances
+
+_STEP = 0.5
+"""Units between two places of a leg that are looked at."""
+_SPEED = 0.14  # units per cycle
+_EXPONENT = 0.4
+_CLIP = 5.0
+"""Evidence that a cycle can give at most, as a natural logarithm, untempered."""
+_ERROR = 0.15
+"""Units by which the place of a sampled pose may be out."""
+_GREATEST = 4.0
+"""Readings above count as equal: the robot stops before it has them."""
+
+
+def expected_gain(
+    tables: PoseTables, sample: PoseSample, turns: Floats, lengths: Floats, noise: float
+) -> Floats:
+    """Compute the expected drop of entropy over a sample of poses by straight legs.
+
+    Parameters
+    ----------
+    tables : PoseTables
+    sample : PoseSample
+        Equally likely poses.
+    turns : array, shape (legs,)
+        Radians, before the leg.
+    lengths : array, shape (legs,)
+        Units.
+    noise : float
+        Standard deviation of a reading.
+
+    Returns
+    -------
+    array, shape (legs,)
+        Nats, from 0 to the logarithm of the number of poses.
+    """
+    along = np.arange(_STEP, max(float(lengths.max()), _STEP) + 1e-9, _STEP)
+    heading = (sample.heading + turns[:, np.newaxis])[:, np.newaxis]
+    x = sample.x + along[:, np.newaxis] * np.cos(heading)
+    y = sample.y + along[:, np.newaxis] * np.sin(heading)
+    by_code = np.minimum(1.0 / code_distances(), _GREATEST).astype(np.float32)
+    readings, inside = readings_at(tables, by_code, x, y, np.broadcast_to(heading, x.shape))
+    readings = np.where(inside[..., np.newaxis], readings, np.float32(0.0))
+    # A reading of 1/d changes by d**-2 with a unit of place.
+    error = (_ERROR * readings**2).astype(np.float32)
+    gap = np.abs(readings[:, :, :, np.newaxis] - readings[:, :, np.newaxis])
+    gap -= np.maximum(error[:, :, :, np.newaxis], error[:, :, np.newaxis])
+    np.maximum(gap, 0.0, out=gap)
+    gap *= gap
+    cycle = np.minimum(gap.sum(axis=-1) * np.float32(0.5 / noise**2), _CLIP)
+    reached = (along <= lengths[:, np.newaxis] + 1e-9) * (_EXPONENT * _STEP / _SPEED)
+    evidence = (cycle * reached[:, :, np.newaxis, np.newaxis]).sum(axis=1)
+    return np.asarray(-np.log(np.exp(-evidence).mean(axis=-1)).mean(axis=-1), np.float64)
+
+
+def readings_at(
+    tables: PoseTables, by_code: NDArray[Any], x: Floats, y: Floats, heading: Floats
+) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return what the tables expect at some poses.
+
+    Parameters
+    ----------
+    tables : PoseTables
+    by_code : array, shape (256,)
+        Reading for each code of a distance.
+    x, y, heading : array
+        Units and radians, of equal shape.
+
+    Returns
+    -------
+    readings : array, shape (..., sensors)
+    inside : array of bool, shape (...)
+        Where a robot can be; elsewhere the readings mean nothing.
+    """
+    lattice = tables.lattice
+    column = np.clip(np.round((x - lattice.origin[0]) / lattice.resolution), 0, lattice.nx - 1)
+    row = np.clip(np.round((y - lattice.origin[1]) / lattice.resolution), 0, lattice.ny - 1)
+    square = lattice.index[(row * lattice.nx + column).astype(np.int64)]
+    inside = square < lattice.size
+    square = np.minimum(square, lattice.size - 1)
+    around = tables.codes[0].shape[0] // 2
+    direction = np.round(heading / (2.0 * math.pi) * around).astype(np.int64) % around
+    parts = [by_code[tables.codes[table][direction + ahead, square]] for table, ahead in tables.sensors]
+    return np.stack(parts, axis=-1), inside
