@@ -99,7 +99,7 @@ class ExploreDrive:
         belief = pose_filter.belief
         if pose_filter.estimate().likely or belief.dense is not None or belief.states > _FEW:
             return np.zeros(len(_TURNS))
-        some = PoseSample(x=sample.x[::2], y=sample.y[::2], heading=sample.heading[::2])
+        some = PoseSample(x=sample.x[::3], y=sample.y[::3], heading=sample.heading[::3])
         lengths = np.clip(reachable, *_LOOK_AHEAD)
         gain = expected_gain(pose_filter.tables.everywhere, some, _TURNS, lengths, self._noise)
         return np.asarray(_TELLING * gain / max(float(gain.max()), _LEAST_GAIN))

@@ -60,15 +60,21 @@ def expected_gain(
     by_code = np.minimum(1.0 / code_distances(), _GREATEST).astype(np.float32)
     readings, inside = readings_at(tables, by_code, x, y, np.broadcast_to(heading, x.shape))
     readings = np.where(inside[..., np.newaxis], readings, np.float32(0.0))
-    # A reading of 1/d changes by d**-2 with a unit of place.
-    error = (_ERROR * readings**2).astype(np.float32)
-    gap = np.abs(readings[:, :, :, np.newaxis] - readings[:, :, np.newaxis])
-    gap -= np.maximum(error[:, :, :, np.newaxis], error[:, :, np.newaxis])
-    np.maximum(gap, 0.0, out=gap)
-    gap *= gap
-    cycle = np.minimum(gap.sum(axis=-1) * np.float32(0.5 / noise**2), _CLIP)
+    cycle = np.zeros((*x.shape, x.shape[-1]), np.float32)
+    for sensor in np.moveaxis(readings, -1, 0):  # one at a time: that stays in the processor's cache
+        most = np.maximum(sensor[..., np.newaxis], sensor[..., np.newaxis, :])
+        gap = np.abs(sensor[..., np.newaxis] - sensor[..., np.newaxis, :])
+        # A reading of 1/d changes by d**-2 with a unit of place.
+        most *= most
+        most *= np.float32(_ERROR)
+        gap -= most
+        np.maximum(gap, 0.0, out=gap)
+        gap *= gap
+        cycle += gap
+    cycle *= np.float32(0.5 / noise**2)
+    np.minimum(cycle, np.float32(_CLIP), out=cycle)
     reached = (along <= lengths[:, np.newaxis] + 1e-9) * (_EXPONENT * _STEP / _SPEED)
-    evidence = (cycle * reached[:, :, np.newaxis, np.newaxis]).sum(axis=1)
+    evidence = np.einsum("lpij,lp->lij", cycle, reached.astype(np.float32))
     return np.asarray(-np.log(np.exp(-evidence).mean(axis=-1)).mean(axis=-1), np.float64)
 
 
