@@ -1,4 +1,4 @@
-"""What a leg is worth while the pose is unknown: how well its readings would tell likely poses apart.
+"""Worth of a leg while the pose is unknown: the evidence between likely poses that its readings would bring.
 
 It is the expected drop of the entropy over a sample of the belief (Thrun, Burgard, Fox, *Probabilistic
 Robotics*, section 17.4) by a straight leg. Readings that could come from a small error of the pose tell
@@ -95,7 +95,7 @@ def readings_at(
     -------
     readings : array, shape (..., sensors)
     inside : array of bool, shape (...)
-        Where a robot can be; elsewhere the readings mean nothing.
+        Which poses a robot can have; the readings of the others mean nothing.
     """
     lattice = tables.lattice
     column = np.clip(np.round((x - lattice.origin[0]) / lattice.resolution), 0, lattice.nx - 1)

@@ -165,10 +165,10 @@ class Stage:
         -------
         float
             Natural logarithm of the likelihood of IR sensors and compass together, up to a constant of the
-            readings. None without readings, and of a belief over very many states.
+            readings. None without readings, and of a belief over very many states, which is no list.
         """
         belief = self.belief
-        if belief.dense is not None or belief.states > FEW:
+        if belief.dense is not None:
             return None
         total = np.zeros(belief.states)
         taken = [(sensor, reading) for sensor, reading in enumerate(step.infrared) if reading is not None]
