@@ -95,7 +95,7 @@ def readings_at(
     -------
     readings : array, shape (..., sensors)
     inside : array of bool, shape (...)
-        Which poses a robot can have; the readings of the others mean nothing.
+        True for the poses that a robot can have; the readings of the others mean nothing.
     """
     lattice = tables.lattice
     column = np.clip(np.round((x - lattice.origin[0]) / lattice.resolution), 0, lattice.nx - 1)
