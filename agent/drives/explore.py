@@ -9,7 +9,7 @@ import numpy as np
 from agent.drives.base import Decision, DriveSetup
 from agent.drives.cell_to_cell import CellDrive
 from agent.drives.clearance import PoseSample, free_distances
-from agent.drives.outlook import expected_gain
+from agent.drives.outlook import ERROR, expected_gain
 from agent.drives.roam import SPRINT, Closed, Roamer
 from ciberrato.arrays import Floats
 from ciberrato.localization.filtering.grid_filter import GridFilter
@@ -22,6 +22,8 @@ _FEW = 20_000
 _LOOK_AHEAD = 0.5, 3.0
 """Units of a leg that are looked at: least, most."""
 _TELLING = 1.0  # of the leg that tells most, in units of open way
+_ONE_LEFT = 0.8
+"""Probability from which on an estimate has no rival worth a detour."""
 _LEAST_GAIN = 0.05  # nats that count in full
 _TURNS = np.deg2rad(np.arange(-165, 181, 15))
 
@@ -96,12 +98,14 @@ class ExploreDrive:
 
     def _telling(self, pose_filter: GridFilter, sample: PoseSample, reachable: Floats) -> Floats:
         """Return what each leg would tell, up to 1; 0 while the pose is known, or very much is possible."""
-        belief = pose_filter.belief
-        if pose_filter.estimate().likely or belief.dense is not None or belief.states > _FEW:
+        belief, found = pose_filter.belief, pose_filter.estimate()
+        if found.certain or belief.dense is not None or belief.states > _FEW:
             return np.zeros(len(_TURNS))
         some = PoseSample(x=sample.x[::3], y=sample.y[::3], heading=sample.heading[::3])
         lengths = np.clip(reachable, *_LOOK_AHEAD)
-        gain = expected_gain(pose_filter.tables.everywhere, some, _TURNS, lengths, self._noise)
+        # With one hypothesis left, what is to be learnt is where around it the robot is.
+        error = ERROR if found.probability < _ONE_LEFT else 0.0
+        gain = expected_gain(pose_filter.tables.everywhere, some, _TURNS, lengths, self._noise, error)
         return np.asarray(_TELLING * gain / max(float(gain.max()), _LEAST_GAIN))
 
     def _crowdedness(self, pose_filter: GridFilter, sample: PoseSample, distances: Floats) -> Floats:

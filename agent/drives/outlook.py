@@ -25,14 +25,19 @@ _SPEED = 0.14  # units per cycle
 _EXPONENT = 0.4
 _CLIP = 5.0
 """Evidence that a cycle can give at most, as a natural logarithm, untempered."""
-_ERROR = 0.15
-"""Units by which the place of a sampled pose may be out."""
+ERROR = 0.15
+"""Units by which the place of a hypothesis may be out."""
 _GREATEST = 4.0
 """Readings above count as equal: the robot stops before it has them."""
 
 
 def expected_gain(
-    tables: PoseTables, sample: PoseSample, turns: Floats, lengths: Floats, noise: float
+    tables: PoseTables,
+    sample: PoseSample,
+    turns: Floats,
+    lengths: Floats,
+    noise: float,
+    error: float = ERROR,
 ) -> Floats:
     """Compute the expected drop of entropy over a sample of poses by straight legs.
 
@@ -47,6 +52,8 @@ def expected_gain(
         Units.
     noise : float
         Standard deviation of a reading.
+    error : float
+        Units by which the place of a sampled pose may be out.
 
     Returns
     -------
@@ -66,7 +73,7 @@ def expected_gain(
         gap = np.abs(sensor[..., np.newaxis] - sensor[..., np.newaxis, :])
         # A reading of 1/d changes by d**-2 with a unit of place.
         most *= most
-        most *= np.float32(_ERROR)
+        most *= np.float32(error)
         gap -= most
         np.maximum(gap, 0.0, out=gap)
         gap *= gap
