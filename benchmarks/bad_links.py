@@ -141,7 +141,8 @@ def run(condition: Condition, lab_name: str, drive_name: str, seed: int, cycles:
     from ciberrato.labs import find_lab
     from ciberrato.localization.belief import compiled
     from ciberrato.localization.pose_filter import PoseFilter
-    from ciberrato.protocol.messages import Actions, RobotRegistration
+    from ciberrato.protocol.messages import Actions
+    from ciberrato.protocol.registrations import RobotRegistration
     from ciberrato.world.parameters import Parameters
     from ciberrato.world.start_grid import GridPosition, StartGrid
     from simulator_stub.simulation import Simulation

@@ -100,8 +100,8 @@ def simulator(
     alone : bool
         Whether it may use one processor only, and so never waits awake, which takes processor time.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        parameters = Path(folder) / "params.xml"
+    with tempfile.TemporaryDirectory() as scratch:
+        parameters = Path(scratch) / "params.xml"
         parameters.write_text(f'<Parameters SimTime="{cycles}" CycleTime="50"/>', encoding="utf-8")
         grid = ";".join(f"{3 + 4 * number},3,0" for number in range(robots))
         command = [sys.executable, "-m", "simulator_stub", "--lab", "maze", "--grid", grid, "--seed", "1"]

@@ -17,6 +17,7 @@ from typing import IO, Any, NoReturn
 
 from ciberrato.errors import CiberratoError, UsageError
 from ciberrato.plaintext import plain
+from ciberrato.system.ending import raised_for_signals, word_and_status
 from ciberrato.system.limits import allow_descriptors, allowed_memory
 from ciberrato.system.process import reader_has_gone, take_any_character
 from ciberrato.version import __version__
@@ -46,7 +47,15 @@ class ProgramParser(argparse.ArgumentParser):
     """
 
     def __init__(self, program: str, description: str, **options: Any) -> None:
-        super().__init__(prog=program, description=description, allow_abbrev=False, **options)
+        kind = options.pop("formatter_class", argparse.HelpFormatter)
+        width = _columns() - 2
+        super().__init__(
+            prog=program,
+            description=description,
+            allow_abbrev=False,
+            formatter_class=lambda prog: kind(prog, width=width),
+            **options,
+        )
         version = f"ciberrato {__version__}"
         self.add_argument("--version", action="version", version=version, help="show the version and end")
 
@@ -58,6 +67,21 @@ class ProgramParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise what is wrong with the command line."""
         raise UsageError(f"{message} (see {self.prog} --help)")
+
+
+def _columns() -> int:
+    """Return the terminal's width, as argparse finds it out itself, but once and without `shutil`.
+
+    argparse asks for it at every option that is added, and loading `shutil` takes as long as adding them all.
+    """
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isascii() and columns.isdigit() and int(columns) > 0:
+        return int(columns)
+    try:
+        assert sys.__stdout__ is not None
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
+    except (AssertionError, ValueError, OSError):
+        return 80
 
 
 class Output:
@@ -143,15 +167,20 @@ def run_program(program: str, body: Callable[[], int], *, shows: Callable[[], bo
 
 def _status(program: str, body: Callable[[], int], output: Output, shows: Callable[[], bool]) -> int:
     try:
-        _check_limits()
-        status = body()
-        output.flush()
+        with raised_for_signals():
+            _check_limits()
+            status = body()
+            output.flush()
         fault = output.fault
         if fault is not None and not reader_has_gone(fault):  # a reader that has seen enough is no fault
             print(f"{program}: the output is cut short: {fault.strerror}", file=sys.stderr)
             status = status or 2 * shows()
     except CiberratoError as error:
         _tell(program, str(error))
+    except KeyboardInterrupt as interrupt:
+        word, status = word_and_status(interrupt)
+        _tell(program, word)
+        return status
     except Exception as error:
         what = used_up(error)
         if what is None:

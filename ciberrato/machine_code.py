@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import importlib.util
 import os
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from ciberrato.errors import UsageError
+
+Function = TypeVar("Function", bound=Callable[..., object])
 
 CHOICES = ("auto", "on", "off")
 VARIABLE = "CIBERRATO_COMPILED"
@@ -37,3 +41,32 @@ def choice() -> str:
 def available() -> bool:
     """Return whether numba is installed."""
     return importlib.util.find_spec("numba") is not None
+
+
+def kept(function: Function) -> Function:
+    """Return a function that numba compiles at its first call, and whose machine code it keeps on the disk.
+
+    numba numbers the files of a function's machine code, one for each types of arguments. Two processes that
+    compile the first ones at the same time, for different types, would write one file, and what the index
+    says of it may be wrong: the machine code would be run for other types. So each file gets a name that no
+    other has; of two indexes written at the same time one is lost, and what it named is compiled once more.
+
+    Parameters
+    ----------
+    function : callable
+        Written for numba.
+
+    Returns
+    -------
+    callable
+    """
+    import uuid
+
+    import numba
+
+    compiled: Any = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if file is not None:
+        beginning = file._index_name.removesuffix(".nbi")
+        file._data_name = lambda number: f"{beginning}.{number}.{uuid.uuid4().hex[:12]}.nbc"
+    return compiled  # type: ignore[no-any-return]

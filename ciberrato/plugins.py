@@ -10,12 +10,9 @@ from __future__ import annotations
 import functools
 import importlib
 import importlib.util
-import inspect
 import os
 import re
 import sys
-import sysconfig
-import traceback
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -193,13 +190,15 @@ def models(group: str) -> dict[str, type]:
         name: value
         for module in modules
         for name, value in vars(module).items()
-        if inspect.isclass(value) and value.__module__ == module.__name__ and not name.startswith("_")
+        if isinstance(value, type) and value.__module__ == module.__name__ and not name.startswith("_")
         if callable(getattr(value, method, None))
     }
 
 
 def failure(label: str, error: BaseException) -> UsageError:
     """Return in a line what a part raised, and where: in which line that is neither Python's nor ours."""
+    import traceback
+
     frames = [one for one in traceback.extract_tb(error.__traceback__) if _is_foreign(one.filename)]
     place = f" ({os.path.basename(frames[-1].filename)}:{frames[-1].lineno})" if frames else ""
     words = " ".join(str(error).split())
@@ -247,6 +246,8 @@ def _telling(method: Callable[..., Any], label: str) -> Callable[..., Any]:
 
 
 def _is_foreign(path: str) -> bool:
+    import sysconfig
+
     home = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     ours = tuple(os.path.join(home, name, "") for name in ("ciberrato", "agent", "simulator_stub"))
     library = path.startswith(os.path.join(sysconfig.get_path("stdlib"), ""))

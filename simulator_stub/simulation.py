@@ -76,6 +76,8 @@ class Simulation:
         drive.
     robots : tuple of Robot
         Robots in order of their ids, removed ones too: the live records, not to be changed.
+    state : SimulatorState
+        State of the simulator in the coming call of `step`.
     worlds : int
         Number of worlds that have begun: at first, and after each `reset` and `restart`.
 
@@ -109,10 +111,11 @@ class Simulation:
         self._noise = NoiseRoot.from_seed(seed)
         self.worlds = 0
         self._compiled = CompiledCycle(self.world) if compiled else None
-        self._machine = SimulatorStateMachine()
+        self._machine, self.state = SimulatorStateMachine(), SimulatorState.READY
         self._robots: dict[int, Robot] = {}
         self.robots: tuple[Robot, ...] = ()
         self._present: list[Robot] = []
+        self._written = False
         self._equipment: dict[int, Equipment] = {}
         self._carried_beacon: Beacon | None = None
         self._begin_world()
@@ -126,11 +129,6 @@ class Simulation:
         self.gps_offset = (GPS_OFFSET_RANGE * float(draw()), GPS_OFFSET_RANGE * float(draw()))
 
     # --- what is in it ---------------------------------------------------------------------------
-
-    @property
-    def state(self) -> SimulatorState:
-        """State of the simulator in the coming call of `step`."""
-        return self._machine.current
 
     def poses(self) -> NDArray[np.float64]:
         """Return the true poses.
@@ -254,7 +252,7 @@ class Simulation:
             As for a new simulation; by default fresh random numbers follow from the seed that it has.
         """
         self._noise = self._noise.next_world() if seed is None else NoiseRoot.from_seed(seed)
-        self._machine = SimulatorStateMachine()
+        self._machine, self.state = SimulatorStateMachine(), SimulatorState.READY
         self._robots, self.robots = {}, ()
         self._equipment = {}
         self._carried_beacon = None
@@ -275,7 +273,7 @@ class Simulation:
                 fresh.state = RobotState.REMOVED
             self._robots[robot_id] = fresh
         self.robots = tuple(self._robots.values())
-        self._machine = SimulatorStateMachine(SimulatorState.STOPPED)
+        self._machine, self.state = SimulatorStateMachine(SimulatorState.STOPPED), SimulatorState.STOPPED
         self.start()
 
     # --- a cycle -----------------------------------------------------------------------------------
@@ -349,7 +347,7 @@ class Simulation:
     def advance(self) -> dict[int, Measures]:
         """Advance the time if the simulator is running; measure in any case."""
         self._run()
-        buttons, equipment = self._buttons(), self._equipment
+        buttons, equipment = self._machine.buttons, self._equipment
         return {
             one.robot_id: equipment[one.robot_id].measures(one, self.time, buttons) for one in self._present
         }
@@ -357,19 +355,24 @@ class Simulation:
     def advance_encoded(self) -> dict[int, bytes]:
         """Do the same as `advance`, and return the messages as they are sent."""
         self._run()
-        buttons, equipment = self._buttons(), self._equipment
+        if self._written and self._compiled is not None:
+            return self._compiled.datagrams()
+        buttons, equipment = self._machine.buttons, self._equipment
         return {
             one.robot_id: equipment[one.robot_id].encoded(one, self.time, buttons) for one in self._present
         }
 
     def _run(self) -> None:
         present = self._present = [robot for robot in self.robots if robot.state is not RobotState.REMOVED]
-        running = self._machine.current is SimulatorState.RUNNING
-        self.time += running
         speakers = [robot for robot in self.robots if robot.said is not None]
-        scene = Scene(present, self.time, running, speakers, self.gps_offset)
+        running = self.state is SimulatorState.RUNNING
+        self.time += running
         compiled = self._compiled if running else None
-        if compiled is None or not compiled.run(present, self._equipment, scene):
+        self._written = compiled is not None and compiled.run(
+            present, self._equipment, speakers, self.time, self._machine.buttons
+        )
+        if not self._written:
+            scene = Scene(present, self.time, running, speakers, self.gps_offset)
             if running:
                 move(self.world, present)
             for robot in present:
@@ -379,10 +382,6 @@ class Simulation:
             for robot in present:
                 if robot.state in MOVING:
                     self.scoring.update(robot, self.time, present)
-
-    def _buttons(self) -> tuple[bool, bool]:
-        coming = self._machine.coming
-        return coming is SimulatorState.RUNNING, coming is SimulatorState.STOPPED
 
     def statuses(self) -> tuple[RobotStatus, ...]:
         """Return what views receive; between `advance` and `end_cycle`, as states change only then."""
@@ -395,7 +394,7 @@ class Simulation:
         if 0 < limit <= self.time:
             self._machine.handle(SimulatorEvent.TIME_UP)
         self._machine.close_cycle()
-        state = self._machine.current
+        state = self.state = self._machine.current
         for robot in self.robots:
             before = robot.state
             after = next_state(robot, state, self.scoring)
@@ -416,5 +415,5 @@ class Simulation:
         over : bool
             Whether the time is over, so that both buttons are off.
         """
-        measures = self._equipment[robot.robot_id].readings(robot, self.time, self._buttons())
+        measures = self._equipment[robot.robot_id].readings(robot, self.time, self._machine.buttons)
         return replace(measures, start=False, stop=False) if over else measures

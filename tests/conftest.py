@@ -8,12 +8,23 @@ tests start have the handlers that they have in a terminal.
 import signal
 from collections.abc import Iterator
 
+import hypothesis
 import pytest
 
 from tests.recordings import GOLDEN, LABS, VARIABLES
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
 SIGNALS = tuple(getattr(signal, name) for name in NAMES if hasattr(signal, name))
+
+# The same examples every time, and no clock that judges them: a run that fails says something about a change.
+# `--hypothesis-profile=default` searches anew.
+hypothesis.settings.register_profile(
+    "repeatable",
+    derandomize=True,
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile("repeatable")
 
 
 def pytest_configure() -> None:

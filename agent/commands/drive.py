@@ -229,7 +229,7 @@ def make_parser() -> OptionParser:
     add(
         "--start",
         type=option_types.start,
-        default="anywhere",
+        default=option_types.ANYWHERE,
         metavar="WHERE",
         help="prior of --online: anywhere (any free pose, default), centres (of cells, four headings), "
         "centres:DEGREES, X,Y or X,Y,DEGREES",

@@ -8,6 +8,8 @@ from typing import Any
 
 from agent.drives.registry import parse_drive
 
+ANYWHERE = "anywhere"
+"""The default of ``--start``."""
 _LONGEST_NAME = 200  # the real simulator dies of names much longer
 
 
@@ -41,6 +43,8 @@ def start(text: str) -> str:
     str
         The same; see `ciberrato.localization.evidence.start_prior.parse_start`.
     """
+    if text == ANYWHERE:  # the default; reading others takes time that the registration should not wait for
+        return text
     from ciberrato.errors import UsageError
     from ciberrato.localization.evidence.start_prior import parse_start
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 from agent.run.reporter import Reporter
 from agent.run.signals import Interrupts
 from ciberrato.errors import ProtocolError, UsageError
 from ciberrato.net.link import Arrival, Link, LinkError
-from ciberrato.protocol import Acceptance, Refusal, RobotRegistration, decode_simulator_message, encode
+from ciberrato.protocol.registrations import RobotRegistration, encode_registration
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ciberrato.protocol import Acceptance
 
 FIRST_WAIT = 1.0
 """Seconds until the second attempt. The simulator answers within a cycle; asking again before it could
@@ -28,8 +32,7 @@ _REFUSED = (
 _PATIENCE = 2  # refused connections in a row; a simulator that is just starting refuses one
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(NamedTuple):
     """The simulator has accepted the robot.
 
     Attributes
@@ -86,7 +89,7 @@ def register(
     UsageError
         If the robot is refused, or no simulator answers in time.
     """
-    data = encode(registration)
+    data = encode_registration(registration)
     began = time.monotonic()
     end = math.inf if give_up_after is None else began + give_up_after
     wait, next_try, reminder = FIRST_WAIT, began, began + FIRST_WAIT
@@ -144,6 +147,10 @@ def _find_answer(
     arrivals: list[Arrival], sent: float, place: str, reporter: Reporter
 ) -> tuple[Answer | None, bool]:
     """Return the answer among what has arrived, and whether there is a refusal."""
+    if not arrivals:
+        return None, False
+    from ciberrato.protocol import Acceptance, Refusal, decode_simulator_message
+
     is_refused = False
     for index, arrival in enumerate(arrivals):
         try:

@@ -12,7 +12,7 @@ from agent.drives.right.phases import Phase
 from agent.run.registration import Answer, register
 from ciberrato.errors import ProtocolError, UsageError
 from ciberrato.net.link import Arrival, Link, LinkError
-from ciberrato.protocol import Actions, Measures, RobotRegistration, decode_simulator_message, encode
+from ciberrato.protocol.registrations import RobotRegistration
 
 if TYPE_CHECKING:
     from agent.drives.exchange import Exchange
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ciberrato.files.run_log import RunWriter
     from ciberrato.files.run_records import Cycle, RunHeader
     from ciberrato.physics.kinematics import Command
+    from ciberrato.protocol import Actions
 
 _STOPPED_CYCLES = 5  # a simulator that starts by itself does so after one or two
 _STOPS = 3  # times that the last stop is repeated, a cycle apart
@@ -167,6 +168,8 @@ class Session:
     def _answer_measures(
         self, link: Link, controller: Responder, writer: RunWriter, waiting: list[Arrival]
     ) -> str:
+        from ciberrato.protocol import Measures
+
         assert self._header is not None
         silence = max(self._settings.silence, _SILENT_CYCLES * self._header.parameters.cycle_time / 1000.0)
         exchange = controller.exchange
@@ -266,18 +269,24 @@ class Session:
         self._record(held, writer)
 
     def _decide(self, link: RelayedLink, time: int, actions: Actions) -> None:
+        from ciberrato.protocol import encode
+
         try:
             link.decide(time, encode(actions))
         except LinkError as error:
             self._reporter.warn_once(str(error))
 
     def _send(self, link: Link, actions: Actions) -> None:
+        from ciberrato.protocol import encode
+
         try:
             link.send(encode(actions))
         except LinkError as error:
             self._reporter.warn_once(str(error))
 
     def _decode(self, data: bytes) -> object:
+        from ciberrato.protocol import decode_simulator_message
+
         try:
             return decode_simulator_message(data)
         except ProtocolError as error:
@@ -328,6 +337,8 @@ class Session:
 
     def _stop(self, link: Link) -> None:
         """Stop the robot; where messages are lost, once is not enough."""
+        from ciberrato.protocol import Actions, encode
+
         stop = encode(Actions(left_motor=0.0, right_motor=0.0))
         with contextlib.suppress(LinkError):  # then the robot is out of reach
             link.send(stop)

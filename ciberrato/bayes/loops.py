@@ -37,8 +37,8 @@ from ciberrato.bayes.vectors import (
     total,
     where_at_least,
 )
+from ciberrato.machine_code import kept
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
@@ -90,7 +90,7 @@ def _product(belief, scores, best, far, least, floor, most, out, at, onto):
     return product, low, outside(double(held), splat(0.0), splat(most))
 
 
-@_jit
+@kept
 def products(belief, scores, best, far, least, floor, most, out, begin, end):
     """Multiply beliefs by exp(scores - best), all flat.
 
@@ -131,7 +131,7 @@ def products(belief, scores, best, far, least, floor, most, out, begin, end):
     return total(whole), small, wrong
 
 
-@_jit
+@kept
 def greatest(values, begin, end):
     """Return the greatest of flat values; nan if one is."""
     best, wrong = load(np.full(LANES, -np.inf, values.dtype), _U(0)), _U(0)
@@ -150,7 +150,7 @@ def greatest(values, begin, end):
     return np.nan if wrong else np.float64(rest.max())
 
 
-@_jit
+@kept
 def scale(values, factor, begin, end):
     """Multiply by a factor, in place."""
     for k in range(begin, end):

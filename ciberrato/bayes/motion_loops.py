@@ -25,8 +25,8 @@ from ciberrato.bayes.vectors import (
     transpose,
     zeros,
 )
+from ciberrato.machine_code import kept
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
@@ -64,7 +64,7 @@ def _turn(lines, base, weights, blocks, out, made):
         store(out, onto + _U(7 * LANES), h)
 
 
-@_jit
+@kept
 def turn_rows(belief, shape, weights, first, out, margin, begin, end):
     """Turn the headings of some rows of places, and lay each heading's places side by side.
 
@@ -149,7 +149,7 @@ def turn_rows(belief, shape, weights, first, out, margin, begin, end):
     return wrong
 
 
-@_jit
+@kept
 def drive_and_turn(turned, shape, margin, moves, shares, begins, free, weights, first, out, begin, end):
     """Drive each heading by its kernel and turn again, to some rows of places.
 

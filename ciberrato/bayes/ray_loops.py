@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
+from ciberrato.machine_code import kept
 
 
-@_jit
+@kept
 def cast_rays(px, py, ux, uy, clearance, unknown, limit, out, begin, end):
     """Compute the range of some rays, operation by operation as `OccupancyGrid.cast` does for many at once.
 

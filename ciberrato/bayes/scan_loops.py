@@ -12,8 +12,8 @@ import numba
 import numpy as np
 
 from ciberrato.bayes.vectors import MANY, add, load_many, store, store_in_turn, zeros
+from ciberrato.machine_code import kept
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 _part = numba.njit(error_model="numpy", nogil=True)
 _U = np.uint64
 
@@ -21,7 +21,7 @@ RUN = 3 * MANY
 """Beams whose worth is added at once: rows of what codes are worth are a multiple of this long."""
 
 
-@_jit
+@kept
 def scan_places(codes, row_of, worth, beams, spacing, high, out, begin, end):
     """Sum up what the beams are worth, for all headings at some places.
 
@@ -143,7 +143,7 @@ def _around(line, begin, size, headings, beams, spacing, out, onto):
         store(out, onto + _U(k), sum_)
 
 
-@_jit
+@kept
 def scan_states(codes, row_of, worth, beams, spacing, high, states, out):
     """Sum up what the beams are worth in listed states, in the order of `scan_places`."""
     headings, stride = codes.shape[1], worth.shape[0] // 256

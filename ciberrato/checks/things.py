@@ -11,10 +11,10 @@ from ciberrato.files.findings import Finding
 from ciberrato.files.lab import LabFile
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from ciberrato.world.lab import Lab, Wall
-from ciberrato.world.start_grid import StartGrid
 
 if TYPE_CHECKING:
     from ciberrato.checks.free_space import FreeSpace
+    from ciberrato.world.start_grid import StartGrid
 
 _OVER_THE_BORDER = 0.3
 """Units; files give walls along the border that stand over it by their thickness."""

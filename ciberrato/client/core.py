@@ -15,14 +15,9 @@ from enum import Enum
 from ciberrato.client.requests import RequestRota
 from ciberrato.errors import UsageError
 from ciberrato.protocol.limits import SAY_LIMIT
-from ciberrato.protocol.messages import (
-    DEFAULT_SENSOR_ANGLES,
-    Acceptance,
-    Actions,
-    Measures,
-    RobotRegistration,
-)
+from ciberrato.protocol.messages import Acceptance, Actions, Measures
 from ciberrato.protocol.order import MessageOrder, News
+from ciberrato.protocol.registrations import DEFAULT_SENSOR_ANGLES, RobotRegistration
 
 
 class RunEnd(Enum):

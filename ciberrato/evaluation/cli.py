@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ciberrato.plaintext import plain
 
@@ -18,6 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from ciberrato.command_line import run_program
 from ciberrato.errors import UsageError
 from ciberrato.evaluation.options import PROGRAM, make_parser
+from ciberrato.system.ending import word_and_status
 
 if TYPE_CHECKING:
     from ciberrato.evaluation.attempt import Result
@@ -41,40 +41,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0; 1 if runs failed; 2 for what the user can put right; 130 if interrupted, 143 if
         terminated (what was run is kept, and no process of ours is left).
     """
-    former = _take_termination()
 
     def body() -> int:
         try:
             return _run(make_parser().parse_args(arguments))
-        except _TerminatedError:
-            print(f"\n{PROGRAM}: terminated; the same command continues from here", file=sys.stderr)
-            return 143
-        except KeyboardInterrupt:
-            print(f"\n{PROGRAM}: interrupted; the same command continues from here", file=sys.stderr)
-            return 130
+        except KeyboardInterrupt as interrupt:
+            word, status = word_and_status(interrupt)
+            print(f"\n{PROGRAM}: {word}; the same command continues from here", file=sys.stderr)
+            return status
 
-    try:
-        return run_program(PROGRAM, body)
-    finally:
-        if former is not None:
-            signal.signal(signal.SIGTERM, former)
-
-
-class _TerminatedError(BaseException):
-    """SIGTERM has come: as a KeyboardInterrupt, it ends everything on its way out."""
-
-
-def _take_termination() -> Any:
-    """Install a handler that raises on SIGTERM; return the old one, None where it cannot be installed."""
-
-    def leave(number: int, frame: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # one is enough
-        raise _TerminatedError
-
-    try:
-        return signal.signal(signal.SIGTERM, leave)
-    except ValueError:  # not in the main thread: what runs us there ends us otherwise
-        return None
+    return run_program(PROGRAM, body)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -22,6 +22,7 @@ from agent.offline.localizer import localize
 from ciberrato.arrays import Floats
 from ciberrato.evaluation.episode import RIGHT_ANGLES, lab_of, tables_of
 from ciberrato.evaluation.report import MOST_NAME, aligned
+from ciberrato.evaluation.workers import worker_processes
 from ciberrato.files.parameters import read_parameters
 from ciberrato.files.run_records import RunHeader
 from ciberrato.infrared.model import cell_centres
@@ -131,10 +132,7 @@ def compare_with_published(tasks: Sequence[LabTask], *, jobs: int = 0) -> Iterat
     if workers <= 1:
         yield from map(compare_in_lab, tasks)
         return
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
-
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
+    with worker_processes(workers) as executor:
         yield from executor.map(compare_in_lab, tasks)
 
 

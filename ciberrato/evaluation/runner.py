@@ -7,13 +7,12 @@ failed.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
-import multiprocessing
-import signal
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
@@ -21,6 +20,7 @@ from typing import Any, NamedTuple, TextIO
 from ciberrato.errors import CiberratoError, LabError
 from ciberrato.evaluation.attempt import Failure, Result, attempt
 from ciberrato.evaluation.task import Outcome, Task
+from ciberrato.evaluation.workers import worker_processes
 from ciberrato.files.atomic import cut_torn_line
 from ciberrato.progress import ProgressBar
 from ciberrato.reprs import short_repr
@@ -155,9 +155,7 @@ def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
     """Submit the tasks one by one, so that all processes end together."""
     from ciberrato.evaluation.episode import tables_needed
 
-    context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(workers, context, initializer=_ignore_interrupt)
-    try:
+    with _named_if_killed(), worker_processes(workers) as executor:
         # Before the first run, or each process would compute the same tables for itself.
         needed = dict.fromkeys(tables for task in tasks for tables in tables_needed(task))
         wait([executor.submit(_prepare, *tables) for tables in needed])
@@ -171,28 +169,14 @@ def _in_pool(tasks: list[Task], workers: int) -> Iterator[Result | Failure]:
             done, running = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 yield future.result()
+
+
+@contextlib.contextmanager
+def _named_if_killed() -> Iterator[None]:
+    try:
+        yield
     except BrokenProcessPool:
         raise CiberratoError("a process was killed (memory?); the same command continues from here") from None
-    except BaseException:
-        for child in multiprocessing.active_children():
-            child.terminate()
-        raise
-    finally:
-        executor.shutdown(cancel_futures=True)
-
-
-def _ignore_interrupt() -> None:
-    """Ignore Ctrl-C, which goes to all processes of a terminal: the parent process handles it.
-
-    SIGTERM, by which that one ends us, takes away what is half written on its way.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
-
-
-def _leave(number: int, frame: object) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    raise SystemExit(128 + number)
 
 
 def _prepare(lab: str, angles: tuple[float, ...], resolution: float) -> None:

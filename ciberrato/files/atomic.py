@@ -42,9 +42,11 @@ def replace_file(path: Path, contents: bytes) -> None:
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)
-    except OSError as error:
+    except BaseException as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
+        if not isinstance(error, OSError):
+            raise
         raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import re
 import subprocess
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -54,12 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
 
     def body() -> int:
-        try:
-            options = parser.parse_args(argv)
-            return demonstrate(options.folder, options.seed)
-        except KeyboardInterrupt:
-            print("ciberrato demo: interrupted", file=sys.stderr)
-            return 130
+        options = parser.parse_args(argv)
+        return demonstrate(options.folder, options.seed)
 
     return run_program("ciberrato demo", body)
 

@@ -10,6 +10,7 @@ finds, to the last bit.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -86,9 +87,7 @@ class FaceIndex:
             Lower bounds of distances: those from the point, less the slack; units.
         """
         if not self._tiled:
-            bounds = self._distances(x, y, slice(None)) - slack
-            order = least(bounds, count)
-            return order, bounds[order]
+            return next(self.growing(x, y, (count,), slack))
         # So many rings around the middle tile, and a circle of that radius has about as many as asked for.
         rings = math.ceil(math.sqrt(count / (math.pi * _IN_A_TILE)))
         while True:
@@ -102,6 +101,22 @@ class FaceIndex:
             if within == math.inf or (order.size == count and bounds[-1] < within - slack):
                 return faces[order], bounds
             rings += rings // 2 + 1
+
+    def growing(
+        self, x: float, y: float, counts: Sequence[int], slack: float
+    ) -> Iterator[tuple[Indices, Floats]]:
+        """Yield what `nearest` returns for each of some numbers of faces.
+
+        Distances are computed once where all faces are looked at.
+        """
+        if self._tiled:
+            for count in counts:
+                yield self.nearest(x, y, count, slack)
+            return
+        bounds = self._distances(x, y, slice(None)) - slack
+        for count in counts:
+            order = least(bounds, count)
+            yield order, bounds[order]
 
     def _around(self, x: float, y: float, rings: int) -> tuple[Integers, float]:
         """Return the faces of a block of tiles, and the distance within which there are no others."""

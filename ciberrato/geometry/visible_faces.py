@@ -128,8 +128,9 @@ class ViewLists:
         """
         size = 1.0 / SQUARES_PER_UNIT
         x, y = (column + 0.5) * size, (row + 0.5) * size
-        for candidates in CANDIDATES:  # mostly the first: the lists are short, and end far away
-            order, bounds = self._index.nearest(x, y, candidates, _NEARER)
+        # Mostly the first are enough: the lists are short, and end far away.
+        for found in self._index.growing(x, y, CANDIDATES, _NEARER):
+            order, bounds = found
             ahead = self._ahead(order, x, y)
             if order.size == len(self._faces) or np.count_nonzero(ahead, axis=1).min() > LONGEST:
                 break

@@ -10,6 +10,7 @@ from pathlib import Path
 from ciberrato.command_line import ProgramParser, run_program
 from ciberrato.errors import UsageError
 from ciberrato.grading.telling import PROGRAM, shown
+from ciberrato.system.ending import word_and_status
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,19 +25,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         Exit status: 0; 1 if runs could not be, or an agent failed its check; 2 for what the user can put
-        right; 130 if interrupted (what was run is kept).
+        right; 130 if interrupted, 143 if terminated (what was run is kept).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
 
     def body() -> int:
-        try:
-            if words[:1] == ["check"]:
-                from ciberrato.grading.conformance.cli import main as check
+        if words[:1] == ["check"]:
+            from ciberrato.grading.conformance.cli import main as check
 
-                return check(words[1:])
-            return _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
-        except KeyboardInterrupt:
-            return 130
+            return check(words[1:])
+        return _init(words[1:]) if words[:1] == ["init"] else _run(_parser().parse_args(words))
 
     return run_program(PROGRAM, body)
 
@@ -83,7 +81,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.publish is not None and options.publish.resolve() == folder.resolve():
         raise UsageError(f"--publish {options.publish}: the whole report is there; name another folder")
     tasks = tasks_of(course)
-    interrupted = False
+    interrupt = None
     if not options.report:
         kind = options.sandbox
         if options.scheduler is None:
@@ -104,8 +102,8 @@ def _run(options: argparse.Namespace) -> int:
                 scheduler=options.scheduler,
                 groups=groups,
             )
-        except KeyboardInterrupt:
-            interrupted = True
+        except KeyboardInterrupt as ended:
+            interrupt = ended
         finally:
             groups.close()
     done = read_runs(folder / "runs.jsonl")
@@ -130,13 +128,13 @@ def _run(options: argparse.Namespace) -> int:
 
             print(words(compare(ranked, *options.compare), *map(shown, options.compare)))
         print((folder if options.publish is None else options.publish) / "index.html")
-    if interrupted:
+    if interrupt is not None:
+        word, status = word_and_status(interrupt)
         print(
-            f"\n{PROGRAM}: interrupted after {len(runs)} of {expected} runs; the same command continues "
-            "from here",
+            f"\n{PROGRAM}: {word} after {len(runs)} of {expected} runs; the same command continues from here",
             file=sys.stderr,
         )
-        return 130
+        return status
     return 1 if faults else 0
 
 

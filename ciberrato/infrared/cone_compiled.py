@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-import numba
 import numpy as np
 
 from ciberrato.geometry.visible_faces import LONGEST, SECTORS, SECTORS_PER_RADIAN, SQUARES_PER_UNIT
@@ -24,14 +23,13 @@ from ciberrato.infrared.cone_pairs import IN_LINE
 from ciberrato.infrared.cone_scalar import BEYOND, COS, TAN
 from ciberrato.infrared.face_tables import OUTSIDE, tables_of
 from ciberrato.infrared.model import SENSOR_OFFSET, distances_at
+from ciberrato.machine_code import kept
 
 _PADDING = OUTSIDE * SQUARES_PER_UNIT
 _TURN = 2 * math.pi
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
-
-@_jit
+@kept
 def nearest_listed(faces, seen, row, sector, x, y, cosine, sine):
     """Return the distance of the nearest face in a list; nan if the sensor lies on one.
 
@@ -48,7 +46,7 @@ def nearest_listed(faces, seen, row, sector, x, y, cosine, sine):
     return nearest
 
 
-@_jit
+@kept
 def nearest_of_all(faces, x, y, cosine, sine):
     """Return the distance of the nearest of all faces; nan if the sensor lies on one."""
     nearest = math.inf
@@ -59,7 +57,7 @@ def nearest_of_all(faces, x, y, cosine, sine):
     return nearest
 
 
-@_jit
+@kept
 def _nearer(faces, face, nearest, x, y, cosine, sine):
     """Return the distance of a face where it is nearer, else the one passed in; see `cone_scalar`."""
     ex, ey = faces[face, 2], faces[face, 3]
@@ -96,7 +94,7 @@ def _nearer(faces, face, nearest, x, y, cosine, sine):
     return nearest
 
 
-@_jit
+@kept
 def wrap(angle):
     """Wrap an angle by at most one turn; as `ciberrato.geometry.angles.wrap_once`."""
     if angle > math.pi:
@@ -106,7 +104,7 @@ def wrap(angle):
     return angle
 
 
-@_jit
+@kept
 def row_at(row_of, x, y):
     """Return the row of the square that a place is in; -1 where there is none."""
     column = math.floor(x * SQUARES_PER_UNIT) + _PADDING
@@ -116,7 +114,7 @@ def row_at(row_of, x, y):
     return -1
 
 
-@_jit
+@kept
 def distance_ahead(faces, row_of, seen, robot_x, robot_y, direction):
     """Return the distance that one sensor of a robot takes; nan where the lists of faces do not decide."""
     axis = wrap(direction)
@@ -135,7 +133,7 @@ def distance_ahead(faces, row_of, seen, robot_x, robot_y, direction):
     return distance
 
 
-@_jit
+@kept
 def distances(x, y, directions, faces, row_of, seen):
     """Return the distances that the four sensors of one robot take, as a tuple; nan where undecided."""
     return (

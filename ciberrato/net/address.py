@@ -74,7 +74,9 @@ def resolve(host: str, port: int) -> tuple[str, int]:
     if not 1 <= port <= 65535:
         raise UsageError(f"port {port} is not from 1 to 65535")
     try:
-        found = socket.getaddrinfo(host, port, socket.AF_INET)
+        # A name given as text is looked up in tables of Unicode, which take a while to load.
+        name = host.encode() if host.isascii() and host.replace(".", "").isdigit() else host
+        found = socket.getaddrinfo(name, port, socket.AF_INET)
     except (OSError, ValueError) as error:  # ValueError: characters or lengths that no name has
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise UsageError(f"host {host!r} cannot be found: {reason}") from None

@@ -9,7 +9,13 @@ from __future__ import annotations
 import struct
 
 from ciberrato.errors import ProtocolError
-from ciberrato.protocol.messages import Acceptance, Actions, Measures, Refusal, RobotRegistration
+from ciberrato.protocol.messages import (
+    Acceptance,
+    Actions,
+    Measures,
+    Refusal,
+)
+from ciberrato.protocol.registrations import RobotRegistration
 from ciberrato.protocol.text import NOT_XML
 
 REGISTER, ACCEPTED, REFUSED = 10, 25, 26

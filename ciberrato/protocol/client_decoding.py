@@ -19,15 +19,17 @@ from ciberrato.protocol.messages import (
     Actions,
     GridRequest,
     LabRequest,
-    PanelRegistration,
-    Registration,
     RemoveRobot,
     Reset,
-    RobotBeaconRegistration,
-    RobotRegistration,
     Start,
     Stop,
     ViewCommand,
+)
+from ciberrato.protocol.registrations import (
+    PanelRegistration,
+    Registration,
+    RobotBeaconRegistration,
+    RobotRegistration,
     ViewRegistration,
 )
 from ciberrato.protocol.text import finite_real, lenient_integer, lenient_real, shown
@@ -49,6 +51,9 @@ _PLAIN_ACTIONS = re.compile(
     rb" ?/>[ \t\r\n]*(?:\0|\Z)"
 )
 _ROBOT_ELEMENTS = ("Actions", "SensorRequests", "Say")
+# The shortest of these, with motors only, needs no pattern.
+_LEFT, _RIGHT = b"<Actions LeftMotor=", b" RightMotor="
+_ENDS = frozenset(blank + b"/>" + end for blank in (b"", b" ") for end in (b"", b"\0", b"\n", b"\n\0"))
 _LED = {None: None, b"On": True, b"Off": False}
 
 
@@ -138,17 +143,18 @@ def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions
     ProtocolError
         If the roots Actions, SensorRequests and Say are not what it has, or a motor command is NaN.
     """
+    parts = data.split(b'"', 5)
+    if len(parts) == 5 and parts[4] in _ENDS and (limit is None or len(data) <= limit):
+        before, left, between, right, _ = parts
+        if before == _LEFT and between == _RIGHT and not (left + right).strip(b"0123456789.-"):
+            try:
+                return _actions(float(left), float(right))
+            except ValueError:  # two points, or a sign in the middle
+                pass
     plain = _PLAIN_ACTIONS.match(data)
     if plain and (limit is None or plain.end() <= limit):
-        left, right, end_led, returning_led, visiting_led = plain.groups()
-        draft: Any = ActionsDraft()
-        draft.left_motor = float(left)
-        draft.right_motor = float(right)
-        draft.end_led = _LED[end_led]
-        draft.returning_led = _LED[returning_led]
-        draft.visiting_led = _LED[visiting_led]
-        actions: Actions = draft.finish()
-        return actions
+        left, right, *leds = plain.groups()
+        return _actions(float(left), float(right), *[_LED[led] for led in leds])
     root = _parse(message_bytes(data, limit))
     if root.name not in _ROBOT_ELEMENTS:
         raise ProtocolError(f"{shown(root.name)}: not for robots; Actions, SensorRequests and Say are")
@@ -175,6 +181,27 @@ def decode_actions(data: bytes, *, limit: int | None = ACTIONS_LIMIT) -> Actions
         say=say,
         reset=attributes.get("Reset") == "On",
     )
+
+
+def _actions(
+    left: float,
+    right: float,
+    end_led: bool | None = None,
+    returning_led: bool | None = None,
+    visiting_led: bool | None = None,
+) -> Actions:
+    draft: Any = ActionsDraft()
+    draft.left_motor = left
+    draft.right_motor = right
+    draft.end_led = end_led
+    draft.returning_led = returning_led
+    draft.visiting_led = visiting_led
+    draft.requests = ()
+    draft.say = None
+    draft.reset = False
+    draft.__class__ = Actions
+    actions: Actions = draft
+    return actions
 
 
 def decode_view_command(data: bytes, *, limit: int | None = VIEW_COMMAND_LIMIT) -> ViewCommand:

@@ -41,17 +41,6 @@ class MeasuresDraft:
 
 
 class ActionsDraft:
-    """The fields of `Actions`, not frozen yet: motors and LEDs have to be set; the rest stays as it is."""
+    """The fields of `Actions`, not frozen yet: all have to be set, and then the class."""
 
     __slots__ = Actions.__slots__
-
-    def __init__(self) -> None:
-        draft: Any = self
-        draft.requests, draft.say, draft.reset = (), None, False
-
-    def finish(self) -> Actions:
-        """Return the finished record: the draft itself, which cannot be changed any more."""
-        draft: Any = self
-        draft.__class__ = Actions
-        actions: Actions = draft
-        return actions

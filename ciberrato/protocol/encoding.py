@@ -11,7 +11,7 @@ from typing import Any
 
 from ciberrato.errors import UsageError
 from ciberrato.protocol.lab_text import grid_to_xml, lab_to_xml
-from ciberrato.protocol.limits import ACTIONS_LIMIT, REGISTRATION_LIMIT, REPLY_LIMIT
+from ciberrato.protocol.limits import ACTIONS_LIMIT, REPLY_LIMIT
 from ciberrato.protocol.measures_text import measures_to_xml
 from ciberrato.protocol.messages import (
     Acceptance,
@@ -20,21 +20,24 @@ from ciberrato.protocol.messages import (
     GridRequest,
     LabRequest,
     Measures,
-    PanelRegistration,
     Refusal,
     RemoveRobot,
     Reset,
     Restart,
-    RobotBeaconRegistration,
-    RobotRegistration,
     RobotStatus,
     SimulatorMessage,
     Start,
     Stop,
-    ViewRegistration,
 )
 from ciberrato.protocol.parameters_text import encode_parameters
-from ciberrato.protocol.text import attribute, cdata, exact, general
+from ciberrato.protocol.registrations import (
+    PanelRegistration,
+    RobotBeaconRegistration,
+    RobotRegistration,
+    ViewRegistration,
+    registration_to_xml,
+)
+from ciberrato.protocol.text import attribute, cdata, exact, general, within
 from ciberrato.world.lab import Lab
 from ciberrato.world.start_grid import StartGrid
 
@@ -96,27 +99,6 @@ def _file_name(path: str | None) -> str | None:
     return None if path is None else posixpath.basename(path.replace("\\", "/"))
 
 
-def _robot(message: RobotRegistration) -> str:
-    sensors = "".join(
-        f'<IRSensor Id="{sensor:d}" Angle="{_finite(angle, "IRSensor Angle")}"/>'
-        for sensor, angle in message.sensor_angles
-    )
-    start = f'<Robot Id="{message.robot_id:d}"{_named(message.name, "Robot Name")}'
-    return _within(f"{start}>{sensors}</Robot>" if sensors else f"{start}/>", REGISTRATION_LIMIT, "Robot")
-
-
-def _robot_beacon(message: RobotBeaconRegistration) -> str:
-    name = _named(message.name, "RobotBeacon Name")
-    height = _finite(message.height, "RobotBeacon Height")
-    text = f'<RobotBeacon Id="{message.robot_id:d}"{name} Height="{height}"/>'
-    return _within(text, REGISTRATION_LIMIT, "RobotBeacon")
-
-
-def _onlooker(element: str, token: str | None) -> str:
-    written = "" if token is None else f' Token="{attribute(token, f"{element} Token")}"'
-    return _within(f"<{element}{written}/>", REGISTRATION_LIMIT, element)
-
-
 def _actions(message: Actions) -> str:
     m = message
     pieces = ["<Actions"]
@@ -142,7 +124,7 @@ def _actions(message: Actions) -> str:
         if m.say is not None:
             pieces.append(f"<Say>{cdata(m.say, 'Say')}</Say>")
         pieces.append("</Actions>")
-    return _within("".join(pieces), ACTIONS_LIMIT, "Actions")
+    return within("".join(pieces), ACTIONS_LIMIT, "Actions")
 
 
 def _requests(names: tuple[str, ...]) -> str:
@@ -182,30 +164,11 @@ def _status(message: RobotStatus) -> str:
     )
 
 
-def _named(name: str | None, place: str) -> str:
-    return "" if name is None else f' Name="{attribute(name, place)}"'
-
-
-def _finite(value: float, place: str) -> str:
-    if not math.isfinite(value):
-        raise UsageError(f"{place}: {value} is not a finite number")
-    return exact(value)
-
-
-def _within(text: str, limit: int, element: str) -> str:
-    length = len(text.encode())
-    if length > limit:
-        raise UsageError(
-            f"{element}: {length} bytes are too many, a simulator reads {limit}; shorten the text"
-        )
-    return text
-
-
 _ENCODERS: dict[type, Callable[[Any], str]] = {
-    RobotRegistration: _robot,
-    RobotBeaconRegistration: _robot_beacon,
-    ViewRegistration: lambda m: _onlooker("View", m.token),
-    PanelRegistration: lambda m: _onlooker("Panel", m.token),
+    RobotRegistration: registration_to_xml,
+    RobotBeaconRegistration: registration_to_xml,
+    ViewRegistration: registration_to_xml,
+    PanelRegistration: registration_to_xml,
     Actions: _actions,
     LabRequest: lambda _: "<LabReq/>",
     GridRequest: lambda _: "<GridReq/>",

@@ -35,11 +35,13 @@ _USUAL = """\
 """
 _HEAD, _TAIL = _USUAL.split("%s\t</Sensors>")
 _HEAD += '\t\t<LineSensor Value="%s" />\n'
-_TAILS = {
+TAILS = {
     switches: "\t</Sensors>" + _TAIL % tuple("On" if switch else "Off" for switch in switches) + "\0"
     for switches in product((False, True), repeat=5)
 }
-"""The end of the usual message, by LEDs and buttons."""
+"""The end of the usual message, by LEDs and buttons: off before on, the last one changing fastest."""
+HEAD_PIECES = tuple(re.split("%[dgs]", _HEAD))
+"""Its beginning without time, collision, compass, ground, IR sensors 0 to 3 and line."""
 
 # The layout that simulators send, to the byte. Whatever differs goes through the XML parser.
 _COUNT = rb"([0-9]{1,18})"
@@ -267,7 +269,7 @@ def usual_measures(
     """
     ir0, ir1, ir2, ir3 = infrared
     text = _HEAD % (time, "Yes" if collision else "No", compass, ground, ir0, ir1, ir2, ir3, line)
-    return None if "nan" in text else (text + _TAILS[switches]).encode()
+    return None if "nan" in text else (text + TAILS[switches]).encode()
 
 
 def measures_to_xml(measures: Measures, *, log: bool = False) -> str:

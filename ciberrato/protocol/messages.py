@@ -8,97 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ciberrato.protocol.registrations import Registration
 from ciberrato.reprs import short_repr
 from ciberrato.world.lab import Lab
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
-
-DEFAULT_SENSOR_ANGLES = (0.0, 60.0, -60.0, 180.0)
-"""Mounting angles in degrees of the IR sensors 0 to 3 unless a registration says otherwise."""
-
-# --- client to simulator, main port -------------------------------------------------------------
-
-
-@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
-class RobotRegistration:
-    """A robot asks for a place.
-
-    Attributes
-    ----------
-    name : str or None
-    robot_id : int
-        Position in the start grid, counted from 1; 0 and below = the first free one.
-    sensor_angles : tuple of (int, float)
-        (IR sensor id, mounting angle in degrees, counter-clockwise from the front), as sent.
-    """
-
-    __repr__ = short_repr
-
-    name: str | None = None
-    robot_id: int = 0
-    sensor_angles: tuple[tuple[int, float], ...] = ()
-
-    @property
-    def angles(self) -> tuple[float, float, float, float]:
-        """Angles of all four sensors, the defaults filled in; ids other than 0 to 3 are ignored."""
-        angles = list(DEFAULT_SENSOR_ANGLES)
-        for sensor, angle in self.sensor_angles:
-            if 0 <= sensor < 4:
-                angles[sensor] = angle
-        return (angles[0], angles[1], angles[2], angles[3])
-
-
-@dataclass(repr=False, frozen=True, slots=True, kw_only=True)
-class RobotBeaconRegistration:
-    """A robot that carries a beacon asks for a place.
-
-    Attributes
-    ----------
-    name : str or None
-    robot_id : int
-        As in `RobotRegistration`.
-    height : float
-        Height of the beacon.
-    """
-
-    __repr__ = short_repr
-
-    name: str | None = None
-    robot_id: int = 0
-    height: float = 0.0
-
-
-@dataclass(repr=False, frozen=True, slots=True)
-class ViewRegistration:
-    """A viewer requests all messages.
-
-    Attributes
-    ----------
-    token : str or None
-        Password of views, where the simulator wants one; the real one ignores it.
-    """
-
-    __repr__ = short_repr
-
-    token: str | None = None
-
-
-@dataclass(repr=False, frozen=True, slots=True)
-class PanelRegistration:
-    """A control panel registers; it gets a Reply and nothing else.
-
-    Attributes
-    ----------
-    token : str or None
-        As in `ViewRegistration`.
-    """
-
-    __repr__ = short_repr
-
-    token: str | None = None
-
-
-Registration = RobotRegistration | RobotBeaconRegistration | ViewRegistration | PanelRegistration
 
 # --- robot to simulator --------------------------------------------------------------------------
 

@@ -145,6 +145,22 @@ def cdata(text: str, place: str) -> str:
     return f"<![CDATA[{text}]]>"
 
 
+def within(text: str, limit: int, element: str) -> str:
+    """Return the text of a client's message.
+
+    Raises
+    ------
+    UsageError
+        If it is longer than a simulator reads; names the element.
+    """
+    length = len(text.encode())
+    if length > limit:
+        raise UsageError(
+            f"{element}: {length} bytes are too many, a simulator reads {limit}; shorten the text"
+        )
+    return text
+
+
 def _check_characters(text: str, place: str) -> None:
     bad = NOT_XML.search(text)
     if bad:

@@ -7,7 +7,6 @@ import errno
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -163,6 +162,8 @@ def when_input_ends(call: Callable[[], object]) -> None:
             while os.read(0, 4096):
                 pass
         call()
+
+    import threading
 
     threading.Thread(target=read, name="standard input", daemon=True).start()
 

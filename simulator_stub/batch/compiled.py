@@ -22,10 +22,10 @@ from ciberrato.infrared.model import SENSOR_OFFSET, distances_at, ideal_reading,
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.batch import loops
 from simulator_stub.batch.arrays import inside
-from simulator_stub.batch.floortables import FloorTables
 from simulator_stub.batch.plan import LabPlan
 from simulator_stub.batch.state import BatchState
 from simulator_stub.world.floor import Floor
+from simulator_stub.world.floor_tables import FloorTables
 
 LEAST_SHARE = 256
 """Robots for which another thread is worth its while."""

@@ -18,7 +18,7 @@ from ciberrato.infrared.cone_compiled import distance_ahead, row_at, wrap
 from ciberrato.infrared.exact import CLOSE
 from ciberrato.infrared.face_tables import TOUCHED
 from ciberrato.infrared.model import CONTACT, SATURATION
-from simulator_stub.cycle_loops import RIM, touches_face
+from simulator_stub.cycle_loops import RIM, inside, touches_face
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
 from simulator_stub.world.floor import SQUARES_PER_UNIT as FLOOR_SQUARES_PER_UNIT
 
@@ -142,23 +142,9 @@ def line(robots, pose, right_probability, noise, floor, marks):
             mark = False
             for index in range(begin, end):
                 polygon = polygons[index]
-                if _inside(corners, corner_first[polygon], corner_first[polygon + 1], x, y):
+                if inside(corners, corner_first[polygon], corner_first[polygon + 1], x, y):
                     mark = True
                     break
             if probability < 1.0 and noise[robot, element] >= probability:
                 mark = not mark
             marks[robot, element] = mark
-
-
-@_jit
-def _inside(corners, begin, end, x, y):
-    inside = False
-    previous_x, previous_y = corners[end - 1, 0], corners[end - 1, 1]
-    for index in range(begin, end):
-        corner_x, corner_y = corners[index, 0], corners[index, 1]
-        if (corner_y > y) != (previous_y > y):
-            crossing = corner_x + (y - corner_y) * (previous_x - corner_x) / (previous_y - corner_y)
-            if x < crossing:
-                inside = not inside
-        previous_x, previous_y = corner_x, corner_y
-    return inside

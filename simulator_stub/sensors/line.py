@@ -39,6 +39,12 @@ class LineSensor(Sensor):
     """Reads 1 where a point is inside a wall or line of whatever height (the border does not count).
 
     Each element is wrong with probability 1 - LineSensorTrueProb.
+
+    Attributes
+    ----------
+    wrong : (list of int, list of int)
+        Which elements are going to be wrong, as `BITS`, the next cycle last: while the simulator does not
+        run, and while it runs.
     """
 
     name = "line"
@@ -51,7 +57,7 @@ class LineSensor(Sensor):
     def __init__(self, world: World, robot: Robot, noise: NoiseRoot) -> None:
         super().__init__(world, robot, noise)
         self._right_probability = world.parameters.line_sensor_true_probability
-        self._wrong: tuple[list[int], list[int]] = ([], [])
+        self.wrong: tuple[list[int], list[int]] = ([], [])
         self.reading = TEXTS[0]
 
     @property
@@ -68,10 +74,17 @@ class LineSensor(Sensor):
         if outlines:
             for side in SIDEWAYS:
                 marks = 2 * marks + inside_any(outlines, ahead_x - side * sine, ahead_y + side * cosine)
-        wrong = self._wrong[scene.running]
+        wrong = self.wrong[scene.running]
         if not wrong:
             wrong += self._draw_wrong(self.noise[scene.running])
         self.reading = TEXTS[marks ^ wrong.pop()]
+
+    def peek(self, cycles: int) -> list[int]:
+        """Return which elements are going to be wrong in so many running cycles, the next one first."""
+        wrong = self.wrong[True]
+        while len(wrong) < cycles:
+            wrong[:0] = self._draw_wrong(self.noise[True])
+        return wrong[: -cycles - 1 : -1]
 
     def _draw_wrong(self, noise: Stream) -> list[int]:
         """Draw for many cycles which elements are wrong, the first cycle last."""

@@ -152,6 +152,16 @@ class Allowance:
         self._left -= cost
         return self._left <= 0
 
+    def take(self, cost: int) -> bool:
+        """Subtract from what is left now; return whether it is used up."""
+        meter = self._meter
+        renewal = meter.cycles if self.every_cycle else meter.ticks
+        if renewal != self._renewal:
+            self._renewal = renewal
+            self._left = self.most
+        self._left -= cost
+        return self._left <= 0
+
     @property
     def exhausted(self) -> bool:
         """Return whether it is used up."""

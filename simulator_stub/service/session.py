@@ -167,7 +167,7 @@ class Session:
         before = simulation.state
         # Judged before anybody registers in this cycle: so every robot sees a stopped cycle first, however
         # registrations and cycles fall together.
-        start = self.start_is_due and before is SimulatorState.STOPPED
+        start = before is SimulatorState.STOPPED and self.start_is_due
         simulation.begin_cycle()
         self._read_actions(running=before is SimulatorState.RUNNING)
         if simulation.restart_requested and self._restarts:
@@ -200,9 +200,10 @@ class Session:
                 for status in statuses:
                     view.peer.send(status)
         simulation.end_cycle()
-        if simulation.state is not before:
+        state = simulation.state
+        if state is not before:
             self._state_changed()
-        if self.robots and not self._told_of_start:
+        if state is SimulatorState.STOPPED and self.robots and not self._told_of_start:
             self._tell_of_start()
         while simulation.scoring.notes:
             self._notify(simulation.scoring.notes.pop(0))
@@ -243,13 +244,20 @@ class Session:
             client.taken = 0
             messages = client.messages
             if running and robot.state not in OUT:
-                client.attendance.count(simulation.time, len(messages))
+                attendance = client.attendance
+                if len(messages) == 1 and not attendance.missed_in_a_row:  # as nearly always
+                    attendance.answered += 1
+                    attendance.last_answer = simulation.time
+                else:
+                    attendance.count(simulation.time, len(messages))
             while messages:
                 message = messages.popleft()
                 if isinstance(message, ProtocolError):
                     self._complain(f"robot {robot.robot_id}: {message}")
                     break
-                simulation.act(robot.robot_id, message)
+                robot.apply(message)
+                if message.reset:
+                    simulation.restart_requested = True
 
     def _check_in(self) -> None:
         for newcomer, registration in self._reception.admit():
@@ -305,7 +313,7 @@ class Session:
 
     def _tell_of_start(self) -> None:
         """Report once what a registered robot waits for."""
-        if self.simulation.state is not SimulatorState.STOPPED or self.start_is_due:
+        if self.start_is_due:
             return
         self._told_of_start = True
         missing = 0 if self._autostarted else self._autostart - len(self.robots)

@@ -82,7 +82,7 @@ class Vigil:
             False when the server is to stop.
         """
         clock = self._clock
-        if not self._may_wait(awaited, clock()):
+        if self._idle_then is None or not self._may_wait(awaited, clock()):
             self.asleep += 1
             return True
         self.awake += 1
@@ -100,11 +100,9 @@ class Vigil:
                 return True
 
     def _may_wait(self, awaited: Sequence[RobotClient], now: float) -> bool:
-        if self._idle_then is None:
-            return False
         if now >= self._due:
             idle = self._idle() or 0.0
-            self._quiet = idle - self._idle_then > IDLE * (now - self._looked_at)
+            self._quiet = idle - (self._idle_then or 0.0) > IDLE * (now - self._looked_at)
             self._looked_at, self._idle_then, self._due = now, idle, now + WINDOW
         if not self._quiet:
             return False

@@ -93,23 +93,28 @@ class Stream:
     use : str
     running : bool
         As in `NoiseRoot.generator`.
+
+    Attributes
+    ----------
+    position : int
+        Place of the next normal number in the block that was drawn last.
     """
 
-    __slots__ = ("_generator", "_key", "_next", "_normals", "_root")
+    __slots__ = ("_generator", "_key", "_normals", "_root", "position")
 
     def __init__(self, root: NoiseRoot, robot_id: int, use: str, *, running: bool) -> None:
         self._root = root
         self._key = (robot_id, use, running)
         self._generator: np.random.Generator | None = None
         self._normals: list[float] = []
-        self._next = 0
+        self.position = 0
 
     def normal(self) -> float:
         """Return the next standard normal number."""
-        number = self._next
+        number = self.position
         if number == len(self._normals):
             return self.normals(1)[0]
-        self._next = number + 1
+        self.position = number + 1
         return self._normals[number]
 
     def normals(self, count: int) -> list[float]:
@@ -117,18 +122,25 @@ class Stream:
 
         A stream should serve either normals or uniforms: with both, the numbers depend on `BLOCK`.
         """
-        begin = self._next
-        end = self._next = begin + count
+        begin = self.position
+        end = self.position = begin + count
         if end > len(self._normals):
-            rest = self._normals[begin:]
-            self._normals = rest + self._source().standard_normal(BLOCK).tolist()
+            self.position = begin
+            self.peek(count)
             begin, end = 0, count
-            self._next = count
+            self.position = count
         return self._normals[begin:end]
 
-    def put_back(self, count: int) -> None:
-        """Return to the stream the last normal numbers, as many as were drawn at once: they come again."""
-        self._next -= count
+    def peek(self, count: int) -> list[float]:
+        """Return the normal numbers that come next, at most `BLOCK`, and leave them in the stream.
+
+        Who uses them adds their number to `position`.
+        """
+        begin = self.position
+        if begin + count > len(self._normals):
+            self._normals = self._normals[begin:] + self._source().standard_normal(BLOCK).tolist()
+            self.position = begin = 0
+        return self._normals[begin : begin + count]
 
     def uniforms(self, count: int) -> NDArray[np.float64]:
         """Return the next numbers uniform in [0, 1), drawn when requested: request many at a time."""

@@ -191,11 +191,12 @@ class Robot:
 
     def apply(self, actions: Actions) -> None:
         """Apply one message of the robot; what it does not mention stays as it is."""
-        if actions.left_motor is not None:
-            self.left_command = _usable(actions.left_motor)
+        left, right = actions.left_motor, actions.right_motor
+        if left is not None:
+            self.left_command = left if -MAX_POWER <= left <= MAX_POWER else _usable(left)
             self.received.add("left_motor")
-        if actions.right_motor is not None:
-            self.right_command = _usable(actions.right_motor)
+        if right is not None:
+            self.right_command = right if -MAX_POWER <= right <= MAX_POWER else _usable(right)
             self.received.add("right_motor")
         if actions.end_led is not None:
             self.end_led = actions.end_led
@@ -217,8 +218,6 @@ class Robot:
 
 
 def _usable(power: float) -> float:
-    if -MAX_POWER <= power <= MAX_POWER:
-        return power
     if math.isnan(power):
         raise ValueError("a motor command must be a number, not NaN")
     return clamp_power(power)

@@ -63,6 +63,12 @@ class SimulatorStateMachine:
         """Return whether robots may register: always but while running."""
         return self.current is not SimulatorState.RUNNING
 
+    @property
+    def buttons(self) -> tuple[bool, bool]:
+        """Buttons that Measures show: Start and Stop."""
+        coming = self.coming
+        return coming is SimulatorState.RUNNING, coming is SimulatorState.STOPPED
+
     def handle(self, event: SimulatorEvent) -> None:
         """Handle an event: set the coming state, if the event counts in the current one."""
         chosen = TRANSITIONS.get((self.current, event))

@@ -1,8 +1,10 @@
 """Registration: asks again, takes the first good answer, and says why not."""
 
+import itertools
 import socket
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 
@@ -127,10 +129,12 @@ def test_link_trouble_is_reported_once_and_tried_again(
     assert capsys.readouterr().err.count("no route; trying again") == 1
 
 
-def test_it_can_give_up(interrupts: Interrupts) -> None:
+def test_it_can_give_up(interrupts: Interrupts, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = itertools.count(step=0.02)  # on which every look takes so long
+    monkeypatch.setattr(registration, "time", SimpleNamespace(monotonic=lambda: next(clock), time=time.time))
     link = Answers()
-    with pytest.raises(UsageError, match=r"no simulator has answered at somewhere:6000 in 0\.1 s"):
-        ask(link, interrupts, give_up_after=0.1)
+    with pytest.raises(UsageError, match=r"no simulator has answered at somewhere:6000 in 0\.4 s"):
+        ask(link, interrupts, give_up_after=0.4)
     assert len(link.asked) >= 2
 
 
@@ -146,14 +150,19 @@ def test_a_signal_ends_the_wait(interrupts: Interrupts) -> None:
 
 @pytest.mark.parametrize("quiet", [False, True])
 def test_nobody_listens_on_tcp(
-    quiet: bool, interrupts: Interrupts, capsys: pytest.CaptureFixture[str]
+    quiet: bool,
+    interrupts: Interrupts,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A real TCP link to a port without a listener is asked again, and it is said why in vain."""
+    clock = itertools.count(step=0.02)
+    monkeypatch.setattr(registration, "time", SimpleNamespace(monotonic=lambda: next(clock), time=time.time))
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))  # taken, but not listened at
         link = TcpLink(*nobody.getsockname())
         with pytest.raises(UsageError, match=r"no simulator has answered .*: the connection is refused"):
-            register(link, ROBOT, "here:9", interrupts, Reporter(quiet=quiet), give_up_after=0.15)
+            register(link, ROBOT, "here:9", interrupts, Reporter(quiet=quiet), give_up_after=0.6)
         assert link.refused
         link.close()
     told = capsys.readouterr().err

@@ -25,7 +25,7 @@ from ciberrato.world.parameters import Parameters
 
 PARAMETERS = Parameters(sim_time=0)
 ANGLES = (0.0, 60.0, -60.0, 180.0)
-PATIENCE = 60.0
+PATIENCE = 300.0  # seconds; only a failure takes so long
 
 needs_relay = pytest.mark.skipif(not can_relay(), reason="this system hands no sockets over")
 

@@ -187,7 +187,10 @@ def test_in_the_middle_of_the_run(
     assert status == 0
     assert "interrupted; finishing: writing" in errors
     process.check_file(steps=steps)
-    assert simulator.commands[-1] == (0.0, 0.0)
+    deadline = time.monotonic() + PATIENCE
+    while simulator.commands[-1] != (0.0, 0.0):  # sent, but perhaps not read yet
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
 
 
 def test_before_the_worker_is_done(agent: Callable[..., Agent], fake_simulator: Any) -> None:

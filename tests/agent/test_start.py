@@ -55,6 +55,8 @@ def test_numpy_is_loaded_after_the_registration_has_left(tmp_path, transport):
     loaded = set(json.loads(done.stdout))
     assert "agent.run.registration" in loaded
     assert not loaded & {"numpy", "scipy", "numba", "ciberrato.localization.pose_filter"}
+    assert "ciberrato.protocol.messages" not in loaded  # all the others
+    assert not loaded & {"shutil", "traceback", "ciberrato.localization.evidence.start_prior"}
 
 
 def test_the_process_that_answers_is_soon_there():

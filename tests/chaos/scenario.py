@@ -48,7 +48,7 @@ class Outcome:
     Attributes
     ----------
     registered : bool
-        Whether it was accepted within 10 s.
+        Whether it was accepted within a minute.
     answered, cycles : int
         Running cycles that the simulator counts as answered, of how many.
     stall : float
@@ -123,7 +123,7 @@ def honest(port: int, outcome: Outcome, *, transport: str = "udp", tries: int = 
     """Register on place 1, and answer every Measures until the end.
 
     A datagram may be lost where the port is flooded: as agents do, the registration is sent again, `tries`
-    times in 10 s.
+    times in a minute.
     """
     tcp = transport == "tcp"
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM if tcp else socket.SOCK_DGRAM) as robot:
@@ -132,7 +132,7 @@ def honest(port: int, outcome: Outcome, *, transport: str = "udp", tries: int = 
             robot.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         else:
             robot.bind(("127.0.0.1", 0))
-        robot.settimeout(10.0 / tries)
+        robot.settimeout(60.0 / tries)
         began = time.monotonic()
         data = b""
         for _ in range(tries):
@@ -147,7 +147,7 @@ def honest(port: int, outcome: Outcome, *, transport: str = "udp", tries: int = 
                 break
             except OSError:
                 continue
-        robot.settimeout(10.0)
+        robot.settimeout(60.0)
         outcome.registered = b'Status="Ok"' in data
         outcome.waited = time.monotonic() - began
         last: float | None = None
@@ -194,13 +194,13 @@ def run(
         words = tuple(str(robots) if word == "1" else word for word in words)
         with (
             simulator(*words, cycles=cycles, period=period, folder=folder) as (process, port),
-            hostile(port, 60.0, *arguments),
+            hostile(port, 600.0, *arguments),
         ):
             time.sleep(lead)
-            honest(port, outcome, transport=transport, tries=20 if transport == "udp" else 1)
+            honest(port, outcome, transport=transport, tries=120 if transport == "udp" else 1)
             if outcome.registered:
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    outcome.status = process.wait(20.0)
+                    outcome.status = process.wait(120.0)
         outcome.said = (folder / "stderr").read_text()
         if result.exists():
             outcome.result = json.loads(result.read_text())

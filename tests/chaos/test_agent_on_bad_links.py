@@ -1,29 +1,36 @@
 """The agent and the client on a network that lies, over real sockets: no forged refusal, no blind robot."""
 
 import json
+import math
 import re
 import signal
 import socket
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
 from ciberrato import Robot, croblink
+from ciberrato.client import channel, controls
 from ciberrato.client.errors import RefusedError, SilenceError
 from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.run_log import read_run
 from ciberrato.net import UdpLink
 from ciberrato.protocol import Acceptance, Measures, Refusal, decode_actions, encode
 from ciberrato.world.parameters import Parameters
+from tests.ports import lasting_port
 
 PARAMETERS = Parameters(cycle_time=20)
-LONG = 30.0
+LONG = 300.0  # seconds; only a failure takes so long
 
 
 class Simulator:
-    """Accepts one robot, after what is sent to it first, and falls silent after some Measures."""
+    """Accepts one robot, after what is sent to it first, and falls silent after some Measures.
+
+    To the client it keeps real time, however busy this machine is: `monotonic` is the client's clock.
+    """
 
     def __init__(self, forged=(), cycles=12):
         self.main, self.own = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
@@ -34,6 +41,7 @@ class Simulator:
         self.host = f"127.0.0.1:{self.main.getsockname()[1]}"
         self.commands = []
         self.stopped = threading.Event()
+        self._time, self._silent_since = 0, math.inf
         self._forged, self._cycles = forged, cycles
         self._thread = threading.Thread(target=self._serve)
 
@@ -46,6 +54,11 @@ class Simulator:
         for sock in (self.main, self.own, *self.others.values()):
             sock.close()
 
+    def monotonic(self):
+        """Return the cycles' seconds, then those of the silence; at last, when all is said, a long time."""
+        silence = max(0.0, time.monotonic() - self._silent_since)
+        return PARAMETERS.cycle_time / 1000.0 * self._time + silence + 2.0 * LONG * self.stopped.is_set()
+
     def _serve(self):
         _, client = self.main.recvfrom(4096)
         for address in self._forged:
@@ -53,11 +66,11 @@ class Simulator:
             other.bind((address, 0))
             other.sendto(encode(Refusal()), client)
         self.own.sendto(encode(Acceptance(parameters=PARAMETERS)), client)
-        clock = threading.Event()
-        for time in range(self._cycles):
-            self.own.sendto(encode(Measures(time=time, start=True, collision=False)), client)
+        for cycle in range(self._cycles):
+            self._time = cycle
+            self.own.sendto(encode(Measures(time=cycle, start=True, collision=False)), client)
             self._answer()
-            clock.wait(PARAMETERS.cycle_time / 1000.0)  # the pace of real time is what is tested
+        self._silent_since = time.monotonic()
         while self._cycles and self._answer() != (0.0, 0.0):  # nothing is sent any more
             pass
         repeated = self._cycles and self._answer()
@@ -71,8 +84,11 @@ class Simulator:
 
 
 @pytest.mark.parametrize("forged", [("127.0.0.1",), ("127.0.0.2",), ("127.0.0.1", "127.0.0.2")])
-def test_a_forged_refusal_before_the_acceptance(forged):
-    with Simulator(forged, cycles=0) as simulator, Robot("r", simulator.host, timeout=0.5) as robot:
+def test_a_forged_refusal_before_the_acceptance(forged, monkeypatch):
+    for name in ("_SECONDS", "_REFUSAL_PATIENCE"):
+        monkeypatch.setattr(croblink, name, LONG)
+    monkeypatch.setattr(channel, "REFUSAL_PATIENCE", LONG)
+    with Simulator(forged, cycles=0) as simulator, Robot("r", simulator.host, give_up_after=LONG) as robot:
         assert robot.parameters.cycle_time == PARAMETERS.cycle_time
     with Simulator(forged, cycles=0) as simulator:
         link = croblink.CRobLink("r", 1, simulator.host)
@@ -115,21 +131,23 @@ def test_another_address_cannot_answer():
         assert nobody.peer is None
 
 
-def test_a_client_that_hears_nothing_stops_its_robot_and_says_so_again():
-    with Simulator() as simulator, Robot("r", simulator.host, timeout=1.5) as robot:
-        for _ in range(12):
-            next(robot)
-            robot.drive(0.1, 0.1)
-        with pytest.raises(SilenceError, match="no Measures"):
-            next(robot)
-        assert simulator.stopped.is_set()
-        assert robot.stops == 1
+def test_a_client_that_hears_nothing_stops_its_robot_and_says_so_again(monkeypatch):
+    with Simulator() as simulator:
+        monkeypatch.setattr(controls, "time", simulator)
+        with Robot("r", simulator.host, timeout=LONG) as robot:
+            for _ in range(12):
+                next(robot)
+                robot.drive(0.1, 0.1)
+            with pytest.raises(SilenceError, match="no Measures"):
+                next(robot)
+            assert simulator.stopped.is_set()
+            assert robot.stops == 1
     assert simulator.commands[10] == (0.1, 0.1)
 
 
 @pytest.mark.slow
 def test_the_agent_registers_again_when_the_simulator_is_started_anew(tmp_path):
-    port = _free_port()
+    port = lasting_port()
     words = [sys.executable, "-m", "agent", "-h", f"127.0.0.1:{port}", "-m", "corridors", "--reconnect"]
     with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as agent:
         for log in ("run.jsonl", "run.2.jsonl"):
@@ -147,12 +165,6 @@ def test_the_agent_registers_again_when_the_simulator_is_started_anew(tmp_path):
     for name in ("localization.out", "localization.2.out"):
         assert len(read_beliefs(tmp_path / name)[-1].beliefs) >= 3
     assert not (tmp_path / "localization.3.out").exists()
-
-
-def _free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return sock.getsockname()[1]
 
 
 def _start_simulator(port, folder, *more):
@@ -181,7 +193,7 @@ def test_a_seed_in_lockstep_gives_one_log_byte_for_byte(tmp_path, number):
         ) as simulator:
             port = next(found[1] for line in simulator.stdout if (found := re.search(r"udp .*:(\d+)", line)))
             words = ["-h", f"127.0.0.1:{port}", "-m", "maze", "--exit-at-wall", "--quiet"]
-            done = subprocess.run([sys.executable, "-m", "agent", *words], cwd=folder, timeout=120)
+            done = subprocess.run([sys.executable, "-m", "agent", *words], cwd=folder, timeout=300)
             simulator.send_signal(signal.SIGINT)
             assert done.returncode in (0, 3)
         logs.append((folder / "run.jsonl").read_bytes())

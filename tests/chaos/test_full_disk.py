@@ -37,10 +37,11 @@ def drive(
         if limit is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
 
-    words = ("--lockstep", "--autostart", "1", "--result", str(folder / "result.json"), *options)
+    words = ("--lockstep", "--answer-limit", "inf", "--autostart", "1")
+    words += ("--result", str(folder / "result.json"), *options)
     with simulator(*words, cycles=CYCLES, period=50, folder=folder, preexec=small_disk) as (process, port):
         honest(port, outcome)
-        status = process.wait(60.0)
+        status = process.wait(300.0)
     return outcome, status, (folder / "stderr").read_text()
 
 
@@ -206,7 +207,7 @@ def test_a_standard_output_that_takes_nothing_changes_nothing(
             while not ready.exists():
                 assert process.poll() is None, process.communicate()[1]
             honest(int(ready.read_text()), Outcome())
-            _, said = process.communicate(timeout=60.0)
+            _, said = process.communicate(timeout=300.0)
         finally:
             process.kill()
     assert process.returncode == 0

@@ -29,7 +29,7 @@ pytestmark = [
     ),
 ]
 
-PATIENCE = 120.0  # seconds; only a failure takes so long
+PATIENCE = 300.0  # seconds; only a failure takes so long
 REPOSITORY = Path(__file__).parents[2]
 PAUSING_AGENT = REPOSITORY / "tests" / "agent" / "pausing_agent.py"
 OLD = b"an older file\n"

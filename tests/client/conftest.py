@@ -8,10 +8,17 @@ import threading
 
 import pytest
 
+from ciberrato import croblink
+
+PATIENCE = 300.0  # seconds; only a failure takes so long
+
 
 @contextlib.contextmanager
 def simulator(*options):
-    """Start one on a free port of this machine; yields its address."""
+    """Start one on a free port of this machine; yields its address.
+
+    In lockstep without a limit: a robot that this machine leaves without a processor is waited for.
+    """
     words = [
         sys.executable,
         "-m",
@@ -22,9 +29,10 @@ def simulator(*options):
         "0",
         "--quiet",
         *options,
+        *(("--answer-limit", "inf") if "--lockstep" in options else ()),
     ]
     running = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    watchdog = threading.Timer(120, running.kill)
+    watchdog = threading.Timer(PATIENCE, running.kill)
     watchdog.start()
     try:
         lines = iter(running.stdout)
@@ -34,6 +42,23 @@ def simulator(*options):
         watchdog.cancel()
         running.terminate()
         running.communicate()
+
+
+def until_silent(robot, last):
+    """Yield a robot's Measures, and let it wait not much longer once those of time `last` have come.
+
+    Not before: its peer may be left without a processor.
+    """
+    for measures in robot:
+        if measures.time == last:
+            robot._timeout = 0.2
+        yield measures
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """Let the drop-in wait for a busy machine; agents of the course wait 2 s."""
+    monkeypatch.setattr(croblink, "_SECONDS", PATIENCE)
 
 
 @pytest.fixture

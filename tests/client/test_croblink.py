@@ -15,7 +15,7 @@ from ciberrato.errors import UsageError
 from ciberrato.files.run_log import read_run
 from ciberrato.protocol import Acceptance, BeaconReading, HeardMessage, Measures, ScoreReading, encode
 from ciberrato.world.parameters import Parameters
-from tests.client.conftest import simulator
+from tests.client.conftest import PATIENCE, simulator
 
 # As the course's agents are written: a star import, a subclass with a constructor of its own, a loop that
 # ends with the program.
@@ -52,7 +52,7 @@ MyRob("pClient1", int(sys.argv[2]), [0.0, 60.0, -60.0, 180.0], sys.argv[1]).run(
 
 def run(path, host, position="1", **environment):
     words = [sys.executable, str(path), host, position]
-    return subprocess.run(words, capture_output=True, text=True, timeout=120, check=False, **environment)
+    return subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE, check=False, **environment)
 
 
 @pytest.fixture
@@ -90,11 +90,12 @@ def read_on(robot):
         robot.readSensors()
 
 
+@pytest.mark.usefixtures("patient")
 def test_silence_ends_the_program(monkeypatch, capsys):
-    monkeypatch.setattr(croblink, "_SECONDS", 0.3)
     with simulator("--lab", "maze", "--grid", "maze") as host:
         robot = croblink.CRobLinkAngs("r", 1, [0, 60, -60, 180], host)
         robot.readSensors()
+    monkeypatch.setattr(croblink, "_SECONDS", 0.3)
     with pytest.raises(SystemExit) as ended:
         read_on(robot)
     robot.sock.close()
@@ -102,12 +103,15 @@ def test_silence_ends_the_program(monkeypatch, capsys):
     assert re.match(r"r: no Measures from the simulator for 0\.3 s \(last time 0\)", capsys.readouterr().err)
 
 
+@pytest.mark.usefixtures("patient")
 def test_silence_after_the_last_cycle_is_the_end_of_the_run(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(croblink, "_SECONDS", 0.3)
     (tmp_path / "p.xml").write_text('<Parameters SimTime="3"/>')
     words = ("--param", str(tmp_path / "p.xml"), "--autostart", "1", "--exit-at-end")
     with simulator("--lab", "maze", "--grid", "maze", *words) as host:
         robot = croblink.CRobLinkAngs("r", 1, [0, 60, -60, 180], host)
+        while robot.measures.time < 3:
+            robot.readSensors()
+        monkeypatch.setattr(croblink, "_SECONDS", 0.3)
         with pytest.raises(SystemExit) as ended:
             read_on(robot)
     robot.sock.close()
@@ -183,7 +187,7 @@ class Peer(threading.Thread):
         super().__init__(daemon=True)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
-        self._socket.settimeout(30)
+        self._socket.settimeout(PATIENCE)
         self._datagrams = (encode(Acceptance(parameters=Parameters())), *datagrams)
         self.host = f"127.0.0.1:{self._socket.getsockname()[1]}"
 
@@ -197,10 +201,11 @@ class Peer(threading.Thread):
         return self
 
     def __exit__(self, *_):
-        self.join(30)
+        self.join(PATIENCE)
         self._socket.close()
 
 
+@pytest.mark.usefixtures("patient")
 def test_a_broken_message_does_not_end_the_agent():
     with Peer(b"<Measures", b"", encode(Measures(time=4, start=True))) as peer:
         robot = croblink.CRobLink("r2", 1, peer.host)
@@ -220,12 +225,13 @@ def test_a_log_that_cannot_be_written_is_told_before_registering(tmp_path, monke
             peer.recv(2048)
 
 
+@pytest.mark.usefixtures("patient")
 def test_a_message_that_a_newer_one_has_overtaken_is_not_read():
     peer, main = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     with peer, main:
         for one in (peer, main):
             one.bind(("127.0.0.1", 0))
-            one.settimeout(30)
+            one.settimeout(PATIENCE)
         answer = threading.Thread(target=accept, args=(main, peer, [5, 7, 6, 8, *[0] * 10]))
         answer.start()
         robot = croblink.CRobLink("r", 1, f"127.0.0.1:{main.getsockname()[1]}")

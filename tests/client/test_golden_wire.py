@@ -15,6 +15,7 @@ import pytest
 
 from ciberrato import Robot, croblink
 from ciberrato.client.errors import SilenceError
+from tests.client.conftest import PATIENCE, until_silent
 
 SESSIONS = sorted((Path(__file__).parents[1] / "data" / "golden" / "seed_runs").glob("*/datagrams.jsonl"))
 MOST = 300
@@ -35,7 +36,7 @@ class Player(threading.Thread):
         self._main, self._robot = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
         for one in (self._main, self._robot):
             one.bind(("127.0.0.1", 0))
-            one.settimeout(60)
+            one.settimeout(PATIENCE)
         self.host = f"127.0.0.1:{self._main.getsockname()[1]}"
 
     def run(self):
@@ -51,7 +52,7 @@ class Player(threading.Thread):
         return self
 
     def __exit__(self, *_):
-        self.join(60)
+        self.join(PATIENCE)
         self._main.close()
         self._robot.close()
 
@@ -85,13 +86,14 @@ def test_there_are_sessions():
 def test_robot_sees_what_was_recorded(path):
     seen = []
     with Player(path) as player:
-        robot = Robot("pClient1", player.host, position=1, angles=(0, 90, -90, 180), timeout=0.5)
+        wanted = [parsed(data) for data in player.measures]
+        assert wanted[-1][1]
+        robot = Robot("pClient1", player.host, position=1, angles=(0, 90, -90, 180), timeout=PATIENCE)
         with pytest.raises(SilenceError, match="after time"), robot:
             seen += (
                 (measures.time, measures.start, measures.compass, list(measures.infrared))
-                for measures in robot
+                for measures in until_silent(robot, wanted[-1][0])
             )
-    wanted = [parsed(data) for data in player.measures]
     assert seen == [one for one in wanted if one[1]]
     # One message a cycle; with motors 0 while the recorded simulator did not run.
     assert len(player.heard) == 1 + len(wanted)
@@ -100,6 +102,7 @@ def test_robot_sees_what_was_recorded(path):
         assert running or (float(motors["LeftMotor"]), float(motors["RightMotor"])) == (0.0, 0.0)
 
 
+@pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize("path", SESSIONS, ids=lambda path: path.parent.name)
 def test_the_drop_in_sees_what_was_recorded_and_registers_alike(path):
     with Player(path) as player:

@@ -16,9 +16,10 @@ from ciberrato.files.run_log import read_run
 from ciberrato.protocol import Acceptance, Measures, encode
 from ciberrato.world.parameters import Parameters
 from simulator_stub.simulation import Simulation
-from tests.client.conftest import simulator
+from tests.client.conftest import PATIENCE, simulator, until_silent
 
 ANGLES = (0, 60, -60, 180)
+PATIENT = {"timeout": PATIENCE, "give_up_after": PATIENCE}
 
 
 def wander(robot, measures):
@@ -53,7 +54,7 @@ def test_a_run_over_the_network_is_the_run_in_process(tmp_path, short, transport
     seen = []
     with (
         simulator(*world(tmp_path / "truth.csv", short)) as host,
-        Robot("r2", host, angles=ANGLES, transport=transport, log=tmp_path / "run.jsonl") as robot,
+        Robot("r2", host, angles=ANGLES, transport=transport, log=tmp_path / "run.jsonl", **PATIENT) as robot,
     ):
         for measures in robot:
             wander(robot, measures)
@@ -75,7 +76,7 @@ def test_the_same_with_async_for(tmp_path, short):
 
     async def run(host):
         seen = []
-        async with AsyncRobot("r2", host, angles=ANGLES) as robot:
+        async with AsyncRobot("r2", host, angles=ANGLES, **PATIENT) as robot:
             async for measures in robot:
                 wander(robot, measures)
                 seen.append(measures)
@@ -120,7 +121,7 @@ def test_a_refused_robot_is_told_why():
         simulator("--lab", "maze", "--grid", "maze") as host,
         pytest.raises(RefusedError, match="position 99"),
     ):
-        Robot("r2", host, position=99)
+        Robot("r2", host, position=99, **PATIENT)
 
 
 @pytest.mark.parametrize("transport", ["udp", "tcp"])
@@ -148,7 +149,7 @@ class Scripted(threading.Thread):
         self._main, self._robot = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
         for one in (self._main, self._robot):
             one.bind(("127.0.0.1", 0))
-            one.settimeout(30)
+            one.settimeout(PATIENCE)
         self.host = f"127.0.0.1:{self._main.getsockname()[1]}"
         self.heard = []
 
@@ -165,7 +166,7 @@ class Scripted(threading.Thread):
         return self
 
     def __exit__(self, *_):
-        self.join(30)
+        self.join(PATIENCE)
         self._main.close()
         self._robot.close()
 
@@ -173,10 +174,10 @@ class Scripted(threading.Thread):
 def test_silence_is_told_and_strange_bytes_are_left_out():
     first = [b"<Measures", encode(Measures(time=1, start=True))]
     with Scripted(first, [encode(Measures(time=4, start=True))]) as peer:
-        robot = Robot("r2", peer.host, timeout=0.2)
+        robot = Robot("r2", peer.host, **PATIENT)
         times = []
         with pytest.raises(SilenceError, match=r"for 0\.2 s, after time 4"), robot:
-            times += (measures.time for measures in robot)
+            times += (measures.time for measures in until_silent(robot, 4))
     assert (times, robot.lost) == ([1, 4], 2)
     assert len(peer.heard) == 2
 

@@ -116,7 +116,12 @@ FAULTS = {
                 time.sleep(0.01)
         threading.Thread(target=drive, daemon=True).start()""",
     ),
-    "is impatient": ("unasked", "it was gone at time 31", "link.settimeout(2.0)", "link.settimeout(0.2)"),
+    "is impatient": (  # where it is looked for: elsewhere a busy machine is not to show it
+        "unasked",
+        "it was gone at time 31",
+        "# before sending",
+        "link.settimeout(0.01 if now == 30 else 2.0)",
+    ),
     "leaves at Stop": ("stop-start", "it ended: exit status 0", "# before sending", "if held: break"),
     "stays after Stop": (
         "stop-start",

@@ -57,7 +57,7 @@ def test_adding_one_works(house, kind):
         env={"PYTHONPATH": str(house), "PATH": "/usr/bin:/bin", "TMPDIR": str(house)},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr

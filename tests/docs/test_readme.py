@@ -43,7 +43,7 @@ def process(command, *more, folder):
 
 
 @contextlib.contextmanager
-def watchdog(*processes, seconds=300):
+def watchdog(*processes, seconds=900):
     """Kill what hangs, so that a reader of its output comes to an end."""
     timer = threading.Timer(seconds, lambda: [one.kill() for one in processes])
     timer.start()
@@ -105,6 +105,10 @@ def test_the_two_terminals(tmp_path):
 @pytest.mark.slow
 def test_the_recipe_for_ci_is_complete_and_ends_by_itself(tmp_path):
     (recipe,) = re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)
+    recipe, limits = re.subn(
+        r"^timeout \d+ ", "timeout 1000 ", recipe, flags=re.MULTILINE
+    )  # on a busy machine
+    assert limits == 2
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     results = []
     for name in ("once", "again"):
@@ -116,7 +120,7 @@ def test_the_recipe_for_ci_is_complete_and_ends_by_itself(tmp_path):
             env=os.environ | {"PATH": path},
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=1200,
             check=False,
         )
         assert done.returncode == 0, done.stdout + done.stderr
@@ -127,6 +131,10 @@ def test_the_recipe_for_ci_is_complete_and_ends_by_itself(tmp_path):
 
 def test_the_recipe_for_ci_tells_that_the_simulator_did_not_start(tmp_path):
     (recipe,) = re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)
+    recipe, limits = re.subn(
+        r"^timeout \d+ ", "timeout 1000 ", recipe, flags=re.MULTILINE
+    )  # on a busy machine
+    assert limits == 2
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     wrong = recipe.replace("--lab maze", "--lab mazze")
     assert wrong != recipe
@@ -135,7 +143,7 @@ def test_the_recipe_for_ci_tells_that_the_simulator_did_not_start(tmp_path):
         cwd=tmp_path,
         env=os.environ | {"PATH": path},
         capture_output=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 2

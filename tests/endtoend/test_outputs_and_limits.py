@@ -23,7 +23,7 @@ SHELL = shutil.which("sh")
 
 
 def shell(command, folder):
-    return subprocess.run([SHELL, "-c", command], cwd=folder, capture_output=True, text=True, timeout=120)
+    return subprocess.run([SHELL, "-c", command], cwd=folder, capture_output=True, text=True, timeout=300)
 
 
 def program(name, words):

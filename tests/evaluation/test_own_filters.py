@@ -299,7 +299,7 @@ def test_workers_find_the_users_module_and_not_ours_in_the_folder(work):
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for children in /proc")
 def test_sigterm_leaves_neither_processes_nor_files(work):
-    words = [str(BIN / "ciberrato-evaluate"), "--lab", "small_lab.xml", "--seeds", "200", "--jobs", "2"]
+    words = [str(BIN / "ciberrato-evaluate"), "--lab", "small_lab.xml", "--seeds", "5000", "--jobs", "2"]
     words += ["--resolution", "0.5", "--cycles", "20", "--output", "e.jsonl", "--quiet"]
     process = subprocess.Popen(words, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

@@ -106,7 +106,7 @@ def test_a_log_is_sent_as_datagrams(tmp_path):
             writer.write(cycle)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(10)
+        receiver.settimeout(300)
         with OverlayClient(port=receiver.getsockname()[1]) as client:
             show_overlays(path, LAB, client, idle_limit=0.05)
         belief, pose = (decode_overlay(receiver.recv(1 << 16)) for _ in range(2))
@@ -130,7 +130,7 @@ def test_a_drive_without_tables_shows_no_belief(tmp_path):
             writer.write(cycle)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(10)
+        receiver.settimeout(300)
         with OverlayClient(port=receiver.getsockname()[1]) as client:
             show_overlays(path, LAB, client, idle_limit=0.05)
         told = decode_overlay(receiver.recv(1 << 16))

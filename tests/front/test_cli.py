@@ -1,5 +1,6 @@
 """One name for all programs."""
 
+import argparse
 import importlib
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import sys
 import pytest
 
 import ciberrato
+from ciberrato.command_line import ProgramParser
 from ciberrato.front import cli
 
 
@@ -23,6 +25,21 @@ def test_help_lists_them(words, capsys):
     assert cli.main(words) == 0
     out = capsys.readouterr().out
     assert all(f"  {name} " in out for name in cli.PROGRAMS)
+
+
+@pytest.mark.parametrize("columns", ["50", "132", "none", "0"])
+def test_help_is_as_wide_as_argparse_makes_it(columns, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+
+    def filled(parser):
+        parser.add_argument("--one", help="word " * 100, metavar="THIS")
+        return parser.format_help()
+
+    ours = ProgramParser("program", "words " * 100, add_help=False)
+    plain = argparse.ArgumentParser(prog="program", description="words " * 100, add_help=False)
+    version = f"ciberrato {ciberrato.__version__}"
+    plain.add_argument("--version", action="version", version=version, help="show the version and end")
+    assert filled(ours) == filled(plain)
 
 
 def test_a_command_that_is_none_is_one_line(capsys):

@@ -20,3 +20,12 @@ def rows(folder):
     """Rows of the results, without what numbers them."""
     with (folder / "results.csv").open(newline="") as file:
         return list(csv.DictReader(file))
+
+
+def wait_for_a_run(process):
+    """Wait until a program that shows its progress on a pipe has done a run."""
+    said = b""
+    while b"runs," not in said:
+        more = process.stderr.read1()
+        assert more, f"it has ended: {said.decode()}"
+        said += more

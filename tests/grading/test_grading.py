@@ -24,7 +24,7 @@ from tests.grading.agents import (
     table,
     write,
 )
-from tests.grading.program import command, rows, run
+from tests.grading.program import command, rows, run, wait_for_a_run
 
 HEAD = """
     title = 'Test <i>course</i>'
@@ -125,10 +125,9 @@ def test_interrupted_and_taken_up_again_it_writes_the_same_files(tmp_path):
     for number, status in ((signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)):
         words = command(path, "--output", halves, "--jobs", "1")
         process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        while b"runs," not in process.stderr.read1():  # the bar moves: a run is done
-            pass
+        wait_for_a_run(process)
         process.send_signal(number)
-        process.communicate(timeout=120)
+        process.communicate(timeout=300)
         assert process.returncode == status
     done = (halves / "runs.jsonl").read_text().splitlines()
     count = len((whole / "runs.jsonl").read_text().splitlines())
@@ -189,8 +188,8 @@ def test_the_commands_beside_a_run_do_it_again(tmp_path):
         port = next(line for line in simulator.stdout if b"listening on udp" in line).split(b":")[-1].strip()
         assert second[:4] == ["python", "agent.py", "127.0.0.1", "6000"]
         agent = [sys.executable, *second[1:3], port.decode(), *second[4:]]
-        subprocess.run(agent, cwd=tmp_path / "agents" / "robot", timeout=60, check=True)
-        simulator.communicate(timeout=60)
+        subprocess.run(agent, cwd=tmp_path / "agents" / "robot", timeout=300, check=True)
+        simulator.communicate(timeout=300)
     (again,) = json.loads(result.read_text())["runs"][0]["robots"]
     (row,) = rows(report)
     assert (str(again["score"]), str(again["collisions"])) == (row["score"], row["collisions"])

@@ -123,7 +123,7 @@ def test_workflows_keep_to_githubs_schema(tmp_path, name):
     ]
     for text, status in ((course_files()[name], 0), (course_files()[name] + "\nnonesuch: 1\n", 1)):
         path.write_text(text)
-        done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+        done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
         assert done.returncode == status, done.stdout + done.stderr
 
 
@@ -135,5 +135,5 @@ def test_workflows_keep_to_githubs_schema(tmp_path, name):
 def test_workflows_pass_actionlint(tmp_path, name):
     path = tmp_path / "workflow.yml"
     path.write_text(course_files()[name])
-    done = subprocess.run([ACTIONLINT, path], capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([ACTIONLINT, path], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from tests.grading.agents import CRASHING, EATING, FLOODING, HANGING, LINK, ROBOT, table, write
-from tests.grading.program import command, rows, run
+from tests.grading.program import command, rows, run, wait_for_a_run
 from tests.grading.test_grading import files
 
 HEAD = """
@@ -43,7 +43,7 @@ LOOKING = """
     from ciberrato.net import UdpLink
     with UdpLink(sys.argv[1], int(sys.argv[2])) as link:
         link.register(b"<View/>\\0")
-        print(link.receive(20.0))
+        print(link.receive(60.0))
     print(sorted(name for name in os.listdir(os.path.dirname(os.getcwd())) if name.startswith("secret")))
     print(len([name for name in os.listdir("/proc") if name.isdigit()]) < 6)
     with Robot("looks", f"{sys.argv[1]}:{sys.argv[2]}") as robot:
@@ -120,10 +120,9 @@ def test_bad_agents_end_as_they_would_alone_and_runs_are_the_same_again_after_an
     for number, status in ((signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)):
         words = command(path, "--tournament", "--output", halves, "--jobs", "1")
         process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        while b"runs," not in process.stderr.read1():  # the bar moves: a run is done
-            pass
+        wait_for_a_run(process)
         process.send_signal(number)
-        process.communicate(timeout=120)
+        process.communicate(timeout=300)
         assert process.returncode == status
     done = (halves / "runs.jsonl").read_bytes().splitlines()
     assert 2 <= len(done) < 4

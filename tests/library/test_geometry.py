@@ -165,6 +165,24 @@ def test_nearest_faces_by_tiles_are_those_of_all(monkeypatch, spread, rng):
     assert spread > 100.0 or np.median(looked_at) < 0.3 * len(start)
 
 
+@pytest.mark.parametrize("few", [0, 5000], ids=["tiles", "all"])
+def test_more_and_more_of_the_nearest_faces(monkeypatch, few, rng):
+    monkeypatch.setattr("ciberrato.geometry.face_index._FEW", few)
+    start = rng.uniform(0.0, 60.0, (3000, 2))
+    direction, length = np.tile((0.6, 0.8), (3000, 1)), rng.exponential(0.7, 3000)
+    index = FaceIndex(start, start + length[:, np.newaxis] * direction, direction, length)
+    looks = []
+    distances = index._distances
+    monkeypatch.setattr(index, "_distances", lambda *place: looks.append(place) or distances(*place))
+    found = list(index.growing(20.0, 30.0, (10, 256, 2048), 0.25))
+    assert len(looks) == 1 if few else len(looks) >= 3
+    for count, (faces, bounds) in zip((10, 256, 2048), found, strict=True):
+        expected, limits = index.nearest(20.0, 30.0, count, 0.25)
+        assert faces.tolist() == expected.tolist()
+        assert bounds.tolist() == limits.tolist()
+        assert faces.size == count
+
+
 def exact_block(a, b, c, d) -> bool:
     """Whether segment a-b meets c-d before b, in exact arithmetic; parallel ones never."""
     (ax, ay), (bx, by), (cx, cy), (dx, dy) = (tuple(map(Fraction, point)) for point in (a, b, c, d))

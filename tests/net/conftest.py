@@ -3,6 +3,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.ports import lasting_port
+
 SECONDS = 300.0  # how long a test waits for what must come, so that a failure does not hang
 
 
@@ -34,5 +36,4 @@ def tcp_server() -> Iterator[socket.socket]:
 @pytest.fixture
 def closed_port() -> int:
     """Name a port on which nobody listens."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return server.getsockname()[1]
+    return lasting_port()

@@ -74,7 +74,8 @@ def serving(own):
 
     def start(*words):
         program = [str(BIN / "ciberrato-simulator"), "--bind", "127.0.0.1", "--port", "0", "--lab", "maze"]
-        program += ["--grid", "maze", "--lockstep", "--autostart", "1", "--exit-at-end", "--param", "p.xml"]
+        program += ["--grid", "maze", "--autostart", "1", "--exit-at-end", "--param", "p.xml"]
+        program += ["--lockstep", "--answer-limit", "inf"]
         (own / "p.xml").write_text('<Parameters SimTime="40"/>')
         started.append(subprocess.Popen([*program, *words], cwd=own, stdout=subprocess.PIPE, text=True))
         said = [started[-1].stdout.readline() for _ in range(3)]
@@ -100,7 +101,7 @@ def test_an_own_drive_drives_the_real_agent_past_an_own_sensor_and_scoring(servi
     )
     agent = ["ciberrato-agent", "-h", f"127.0.0.1:{port}", "-m", "maze", "--lockstep", "--log", "run.jsonl"]
     run(own, *agent, "--angles", "0,60,-60,180", "--drive", "circle:0.4", "--output", "l.out")
-    assert simulator.wait(60) == 0
+    assert simulator.wait(300) == 0
     result = (own / "result.json").read_text()
     assert '"scoring": "distance"' in result
     assert (own / "log.xml").read_text().count("<Odometer Value=") > 40
@@ -242,7 +243,7 @@ def test_the_simulator_ends_with_that_line(own):
         (port,) = [found[1] for found in ports if found]
         with UdpLink("127.0.0.1", int(port)) as link:
             link.register(encode(RobotRegistration(name="near")))
-            said = process.communicate(timeout=60)[1]
+            said = process.communicate(timeout=300)[1]
     assert process.returncode == 2
     assert said.splitlines()[-1].endswith(
         "sensor faulty:Divides: ZeroDivisionError: division by zero (faulty.py:10)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import os
 import subprocess
@@ -211,6 +212,37 @@ def test_machine_code_is_at_hand_once_it_is_in_the_cache(loops, monkeypatch, tmp
     monkeypatch.undo()
     monkeypatch.setenv(machine_code.VARIABLE, "off")
     assert not compiled.at_hand()
+
+
+def test_processes_that_compile_at_the_same_time_keep_their_machine_code_apart(tmp_path):
+    """With the numbers that numba gives its files, the third would run machine code for whole numbers."""
+    pytest.importorskip("numba")
+    path = tmp_path / "doubling.py"
+    path.write_text(
+        "from ciberrato.machine_code import kept\n@kept\ndef double(number):\n    return number + number\n"
+    )
+
+    def load():
+        spec = importlib.util.spec_from_file_location("doubling", path)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module.double, module.double._cache._cache_file
+
+    (one, file), (other, others_file), (third, _) = load(), load(), load()
+    save_index, save_data = others_file._save_index, file._save_data
+    put_off = []
+    file._save_data = lambda *words: put_off.append(words)
+
+    def save_index_later(overloads):
+        assert one(1) == 2
+        save_index(overloads)
+
+    others_file._save_index = save_index_later
+    assert other(0.25) == 0.5
+    save_data(*put_off[0])
+    assert third(0.25) == 0.5
+    assert third.stats.cache_hits  # the index is the other's
+    assert load()[0](1) == 2
 
 
 def test_without_being_asked_nothing_is_imported():

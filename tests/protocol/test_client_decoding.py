@@ -152,7 +152,12 @@ def test_registrations_that_are_refused(data, complaint):
             b'<Actions EndLed="Off" LeftMotor="0.1" RightMotor="0.1"/>',
             Actions(left_motor=0.1, right_motor=0.1, end_led=False),
         ),
-        # numbers
+        # numbers, where no pattern is asked and where one is
+        (b'<Actions LeftMotor="-.5" RightMotor="-0"/>', Actions(left_motor=-0.5, right_motor=-0.0)),
+        (b'<Actions LeftMotor="1.2.3" RightMotor="4-5"/>', Actions(left_motor=0.0, right_motor=0.0)),
+        (b'<Actions LeftMotor="." RightMotor="-"/>\n', Actions(left_motor=0.0, right_motor=0.0)),
+        (b'<Actions LeftMotor="0.1" RightMotor="0.2"/>\0junk"', Actions(left_motor=0.1, right_motor=0.2)),
+        (b'<Actions LeftMotor="0.1" RightMotor="2e-1" />\0', Actions(left_motor=0.1, right_motor=0.2)),
         (b'<Actions LeftMotor="abc" RightMotor=""/>', Actions(left_motor=0.0, right_motor=0.0)),
         (b'<Actions LeftMotor="0,1" RightMotor="1e-1"/>', Actions(left_motor=0.0, right_motor=0.1)),
         (b'<Actions LeftMotor=" 0.05 " RightMotor="+0.05"/>', Actions(left_motor=0.05, right_motor=0.05)),

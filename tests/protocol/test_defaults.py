@@ -2,7 +2,8 @@
 
 import pytest
 
-from ciberrato.protocol.drafts import ActionsDraft, MeasuresDraft
+from ciberrato.protocol.client_decoding import decode_actions
+from ciberrato.protocol.drafts import MeasuresDraft
 from ciberrato.protocol.measures_text import _ELEMENTS, measures_to_xml
 from ciberrato.protocol.messages import Actions, Measures
 from ciberrato.world.parameter_names import FILE_NAMES, INTEGERS, REALS, SWITCHES
@@ -17,10 +18,11 @@ def test_a_draft_has_the_records_defaults():
 
 
 def test_a_draft_of_actions_has_the_records_defaults():
-    draft = ActionsDraft()
-    draft.left_motor = draft.right_motor = 0.5
-    draft.end_led = draft.returning_led = draft.visiting_led = None
-    assert draft.finish() == Actions(left_motor=0.5, right_motor=0.5)
+    usual, unusual = (
+        decode_actions(b'<Actions LeftMotor="0.5"%s RightMotor="0.5"/>' % blank) for blank in (b"", b" ")
+    )
+    assert usual == unusual == Actions(left_motor=0.5, right_motor=0.5)
+    assert type(usual) is Actions
 
 
 def test_the_elements_of_sensors_and_their_order():

@@ -16,6 +16,7 @@ from ciberrato.protocol import (
     Measures,
     PanelRegistration,
     Refusal,
+    Registration,
     RemoveRobot,
     Reset,
     Restart,
@@ -32,6 +33,7 @@ from ciberrato.protocol import (
     lab_to_xml,
     measures_to_xml,
 )
+from ciberrato.protocol.registrations import encode_registration
 from ciberrato.world.lab import Beacon, Lab, Target, Wall
 from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import GridPosition, StartGrid
@@ -112,6 +114,8 @@ from ciberrato.world.start_grid import GridPosition, StartGrid
 )
 def test_the_bytes_of_each_message(message, expected):
     assert encode(message) == expected
+    if isinstance(message, Registration):
+        assert encode_registration(message) == expected
 
 
 def test_numbers_may_be_numpys():

@@ -18,7 +18,7 @@ address = ("127.0.0.1", int(port))
 REGISTRATION = b'<Robot Id="1" Name="talker"/>\0'
 udp = kind == "udp"
 own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM if udp else socket.SOCK_STREAM)
-own.settimeout(30.0)
+own.settimeout(300.0)
 pending = b""
 
 

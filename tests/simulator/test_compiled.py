@@ -108,6 +108,67 @@ def test_noisy_robots_that_meet(lab: str, robots: int) -> None:
 
 
 @pytest.mark.parametrize(
+    ("lab", "changes"),
+    [
+        ("maze", {}),
+        ("diagonals", {"line_sensor_true_probability": 0.7, "compass_noise": 90.0}),
+        ("standard", QUIET),
+        ("standard", {"obstacle_noise": 60_000.0}),
+    ],
+    ids=["maze", "wrong lines", "quiet", "long readings"],
+)
+def test_messages_are_the_same_to_the_byte(lab: str, changes: dict[str, Any]) -> None:
+    """Machine code writes a message with its readings, unless it has unusually long numbers, or speech."""
+    made = twins(read_lab(find_lab(lab)), 2, changes)
+    rng = np.random.default_rng(12)
+    lines, written = set(), 0
+    for cycle in range(250):
+        if cycle == 100:
+            for simulation in made:
+                simulation.time = 2**40
+        wanted = []
+        for _ in range(2):
+            left, right, *lights = rng.uniform(-0.1, 0.18, 5).tolist()
+            end, returning, visiting = (light > 0.17 or None for light in lights)
+            say = "& <so>" if rng.random() < 0.1 else None
+            if end and cycle < 200:
+                end = None
+            wanted.append(
+                Actions(
+                    left_motor=left,
+                    right_motor=right,
+                    end_led=end,
+                    returning_led=returning,
+                    visiting_led=visiting,
+                    say=say,
+                )
+            )
+        sent = []
+        for simulation in made:
+            simulation.begin_cycle()
+            for robot, actions in enumerate(wanted, start=1):
+                simulation.act(robot, actions)
+            sent.append(simulation.advance_encoded())
+            simulation.end_cycle()
+        assert sent[0] == sent[1], cycle
+        lines |= {data.partition(b"LineSensor")[2][8:15] for data in sent[0].values()}
+        compiled = made[1]._compiled
+        assert compiled is not None
+        written += made[1]._written and compiled._sizes[0] > 0
+    assert len(lines) > 2 or changes is QUIET
+    assert written > 150 or "obstacle_noise" in changes
+    if changes.get("obstacle_noise"):
+        assert 0 < written < 250
+
+
+def test_lines_of_a_very_large_floor_are_looked_for_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simulator_stub.world.floor_tables.MOST_SQUARES", 1)
+    made = twins(read_lab(find_lab("maze")), 2, {})
+    _, decided = drive(made, 60, np.random.default_rng(2))
+    assert decided > 30
+
+
+@pytest.mark.parametrize(
     "changes", [QUIET, {"obstacle_noise": 0.0}, {"motors_noise": 0.0, "compass_noise": 0}]
 )
 def test_without_noise_where_readings_hang_on_rounding(changes: dict[str, Any]) -> None:

@@ -87,7 +87,7 @@ def memory_of(process: int) -> int:
 class Robot:
     def __init__(self, port: int, number: int) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.settimeout(60.0)
+        self.socket.settimeout(300.0)
         self.socket.bind(("127.0.0.1", 0))
         self.socket.sendto(b'<Robot Id="%d" Name="r%d"/>' % (number, number), ("127.0.0.1", port))
         _, self.address = self.socket.recvfrom(4096)
@@ -109,7 +109,8 @@ class Robot:
 def run(disturb: Callable[[int, list[int], int], None]) -> list[list[bytes]]:
     """Let two robots drive in lockstep; give what they were told from time 1 on."""
     command = [sys.executable, "-m", "simulator_stub", "--bind", "127.0.0.1", "--port", "0", "--seed", "4"]
-    command += ["--lab", "maze", "--grid", "3,3,0;7,3,90", "--lockstep", "--autostart", "2", "--quiet"]
+    command += ["--lab", "maze", "--grid", "3,3,0;7,3,90", "--autostart", "2", "--quiet"]
+    command += ["--lockstep", "--answer-limit", "inf"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=REPOSITORY, text=True)
     robots: list[Robot] = []
     try:
@@ -119,7 +120,7 @@ def run(disturb: Callable[[int, list[int], int], None]) -> list[list[bytes]]:
         ports = [port, *(robot.address[1] for robot in robots)]
         by_socket = {robot.socket: robot for robot in robots}
         while min(len(robot.seen) for robot in robots) < CYCLES:
-            ready, _, _ = select.select(list(by_socket), [], [], 10.0)
+            ready, _, _ = select.select(list(by_socket), [], [], 300.0)
             assert ready, "the simulator has fallen silent"
             for one in ready:
                 time = by_socket[one].turn()

@@ -33,6 +33,11 @@ from simulator_stub.service.server import Server
 LINKS: dict[str, Callable[[str, int], Any]] = {"udp": UdpLink, "tcp": TcpLink}
 MOVE = encode(Actions(left_motor=0.1, right_motor=0.11))
 PATIENCE = 300.0  # seconds; only a failure takes so long
+LOCKSTEP = (
+    "--lockstep",
+    "--answer-limit",
+    "inf",
+)  # however long this machine leaves a robot without a processor
 
 
 @contextlib.contextmanager
@@ -82,8 +87,10 @@ def drive(link: Any, cycles: int) -> list[Measures]:
 def test_a_robot_drives_in_lockstep_and_the_run_is_the_same_every_time(transport: str) -> None:
     runs = []
     for _ in range(2):
-        arguments = ("--lockstep", "--autostart", "1", "--lab", "maze")
-        with serving(*arguments) as (_, port), registered(transport, port) as link:
+        with (
+            serving(*LOCKSTEP, "--autostart", "1", "--lab", "maze") as (_, port),
+            registered(transport, port) as link,
+        ):
             runs.append(drive(link, 200))
     assert [measures.time for measures in runs[0]] == list(range(1, 201))
     assert runs[0] == runs[1]
@@ -93,14 +100,14 @@ def test_a_robot_drives_in_lockstep_and_the_run_is_the_same_every_time(transport
 def test_both_transports_give_the_same_run() -> None:
     runs = []
     for transport in LINKS:
-        with serving("--lockstep", "--autostart", "1") as (_, port), registered(transport, port) as link:
+        with serving(*LOCKSTEP, "--autostart", "1") as (_, port), registered(transport, port) as link:
             runs.append(drive(link, 50))
     assert runs[0] == runs[1]
 
 
 def test_three_robots_and_a_view_on_both_transports(tmp_path: Path) -> None:
     truth = tmp_path / "truth.csv"
-    arguments = ("--lockstep", "--grid", "9,3,0;13,3,90;5,7,-90", "--truth", str(truth))
+    arguments = (*LOCKSTEP, "--grid", "9,3,0;13,3,90;5,7,-90", "--truth", str(truth))
     with serving(*arguments) as (server, port), contextlib.ExitStack() as stack:
         view = stack.enter_context(UdpLink("127.0.0.1", port))
         view.register(encode(ViewRegistration()))
@@ -141,7 +148,7 @@ def test_datagrams_of_strangers_are_dropped() -> None:
 
 
 def test_a_robot_whose_connection_ends_stays_and_does_not_hold_up_the_others() -> None:
-    arguments = ("--lockstep", "--answer-limit", "inf", "--autostart", "2", "--grid", "9,3,0;13,3,90")
+    arguments = (*LOCKSTEP, "--autostart", "2", "--grid", "9,3,0;13,3,90")
     with serving(*arguments) as (_, port), registered("udp", port) as link:
         leaving = registered("tcp", port)
         leaving.close()

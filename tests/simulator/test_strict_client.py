@@ -46,7 +46,7 @@ def serving(parameters: Path, *arguments: str) -> Iterator[int]:
         yield int(lines[1].rsplit(":", 1)[1])
     finally:
         server.stop()
-        thread.join(60.0)
+        thread.join(300.0)
         server.close()
 
 

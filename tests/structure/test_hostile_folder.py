@@ -14,7 +14,7 @@ from ciberrato.processes import module_command
 
 BIN = Path(sys.executable).parent
 TRAPS = ("agent", "maps", "viewer", "evaluation", "simulator_stub", "localization", "client", "examples")
-SECONDS = 60
+SECONDS = 300
 
 
 @pytest.fixture

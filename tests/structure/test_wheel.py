@@ -71,7 +71,7 @@ def _environments_are_made(wheel: Path, site: Path) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -11,7 +11,7 @@ import urllib.request
 
 import pytest
 
-from tests.system.programs import System, program, until
+from tests.system.programs import SECONDS, System, program, until
 
 TRANSPORTS = ("udp", "tcp")
 COURSE = """
@@ -32,8 +32,8 @@ def drive(system, folder, transport):
     folder.mkdir()
     simulator = (
         *(program("simulator"), "--lab", "standard", "--grid", "standard", "--seed", "1", "--port", "0"),
-        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep", "--answer-limit", "10"),
-        *("--exit-when-silent", "0.5", "--log", "log.xml", "--result", "result.json"),
+        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep", "--answer-limit", "inf"),
+        *("--log", "log.xml", "--result", "result.json"),
     )
     with system.running(folder, *simulator) as simulation:
         port = until(simulation, rf"{transport} \S+:(\d+)")[1]
@@ -42,8 +42,8 @@ def drive(system, folder, transport):
             *(program("agent"), "-h", f"127.0.0.1:{port}", "-m", "standard", "--transport", transport),
             *("--exit-at-wall", "--lockstep", "--log", "run.jsonl"),
         )
-        said = simulation.stdout.read()
-        assert simulation.wait() == 0, said
+        status, said = system.interrupt(simulation)
+        assert status == 0, said
     result = json.loads((folder / "result.json").read_bytes())["runs"][0]["robots"][0]
     last = json.loads((folder / "run.jsonl").read_bytes().splitlines()[-1])["time"]
     log, found, _ = (folder / "log.xml").read_bytes().partition(b'<LogInfo Time="%d">' % last)
@@ -101,7 +101,7 @@ def test_the_viewers_page(elsewhere, tmp_path):
     viewer = (program("viewer"), "--simulator", "127.0.0.1:9", "--http", "0", "--overlay", "0")
     with elsewhere.running(tmp_path, *viewer) as running:
         address = until(running, r"page: (\S+)")[1]
-        with urllib.request.urlopen(address, timeout=20) as page:
+        with urllib.request.urlopen(address, timeout=SECONDS) as page:
             assert b"<html" in page.read()
         assert elsewhere.interrupt(running)[0] == 0
 
@@ -110,11 +110,11 @@ def test_a_viewer_ends_with_the_simulator_that_started_it(elsewhere, tmp_path):
     simulator = (program("simulator"), "--port", "0", "--bind", "127.0.0.1", "--view", "0")
     with elsewhere.running(tmp_path, *simulator) as running:
         address = until(running, r"page: (\S+)")[1]
-        with urllib.request.urlopen(address, timeout=20) as page:
+        with urllib.request.urlopen(address, timeout=SECONDS) as page:
             assert b"<html" in page.read()
         assert elsewhere.interrupt(running)[0] == 0
     with pytest.raises(OSError, match="refused"):
-        urllib.request.urlopen(address, timeout=20)
+        urllib.request.urlopen(address, timeout=SECONDS)
 
 
 @pytest.mark.slow

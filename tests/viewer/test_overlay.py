@@ -193,7 +193,7 @@ def test_the_client_sends_the_longest_message_and_does_not_mind_that_nobody_list
     message = OverlayMessage(source="a", belief=GridBelief(cells=np.random.default_rng(1).random((100, 120))))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(10)
+        receiver.settimeout(300)
         with OverlayClient(port=receiver.getsockname()[1]) as client:
             client.send(message)
             data = receiver.recv(65536)

@@ -19,6 +19,7 @@ from ciberrato.net import UdpLink
 from ciberrato.net.overlay import OverlayClient
 from ciberrato.overlay import Circle, GridBelief, OverlayMessage
 from ciberrato.protocol import Acceptance, Restart, RobotStatus, encode
+from ciberrato.viewer import connection
 from ciberrato.viewer.page_messages import MOST_COMMAND_BYTES
 from ciberrato.viewer.server import Server
 from ciberrato.viewer.session import Session
@@ -27,6 +28,13 @@ from ciberrato.world.parameters import Parameters
 from ciberrato.world.start_grid import StartGrid
 
 from .conftest import SECONDS, ReplayingSimulator, ViewSession, recorded_frames
+
+
+@pytest.fixture(autouse=True)
+def _no_impatience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the viewer ask once: how often it asks a simulator that is slow to answer is test_connection's."""
+    for name in ("ANSWER_SECONDS", "SILENCE_SECONDS"):
+        monkeypatch.setattr(connection, name, SECONDS)
 
 
 class LiveSimulator:
@@ -80,7 +88,8 @@ async def serving(port: int, *, overlay: bool = False, **options: Any) -> AsyncI
 
 def browser(server: Server, **options: Any) -> connect:
     origin = options.pop("origin", f"http://127.0.0.1:{server.port}")
-    return connect(f"ws://127.0.0.1:{server.port}/socket", origin=origin, **options)
+    patience = {"open_timeout": SECONDS, "ping_interval": None}
+    return connect(f"ws://127.0.0.1:{server.port}/socket", origin=origin, **patience | options)
 
 
 async def until(page: ClientConnection, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
@@ -244,7 +253,7 @@ def test_an_agents_belief_and_shapes_reach_the_page_and_can_be_asked_for() -> No
                 assert (past["belief"]["time"], past["belief"]["entropy"]) == (10, 1.0)
                 await page.send('{"ask":"series","source":"a"}')
                 assert [row[0] for row in (await until(page, of_type("series")))["series"]] == [10, 20]
-                shapes = (Circle(id="goal", x=1.0, y=1.0, radius=1.0, ttl=0.3),)
+                shapes = (Circle(id="goal", x=1.0, y=1.0, radius=1.0, ttl=2.0),)
                 agent.send(OverlayMessage(source="a", shapes=shapes))
                 drawn = await until(page, lambda m: m["type"] == "shapes" and m["shapes"])
                 assert (drawn["shapes"][0]["id"], drawn["shapes"][0]["robot"]) == ("goal", 1)

@@ -16,6 +16,7 @@ from ciberrato.grading.tournament.matches import matches_of
 from ciberrato.grading.tournament.runner import play, read_matches
 from ciberrato.grading.tournament.table import played, tournament_standings
 from ciberrato.system import descendants
+from ciberrato.system.ending import word_and_status
 
 
 def run_tournament(options: argparse.Namespace, course: Course, faults: list[str]) -> int:
@@ -42,7 +43,7 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
         raise UsageError("--compare: of gradings only; a tournament's report says who beat whom")
     if options.publish is not None and options.publish.resolve() == folder.resolve():
         raise UsageError(f"--publish {options.publish}: the whole report is there; name another folder")
-    interrupted = False
+    interrupt = None
     if not options.report:
         kind = sandbox.choose(options.sandbox)
         if kind == "none":
@@ -56,8 +57,8 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
                 jobs=options.jobs or jobs_by_default(lockstep=course.lockstep),
                 progress=None if options.quiet else sys.stderr,
             )
-        except KeyboardInterrupt:
-            interrupted = True
+        except KeyboardInterrupt as ended:
+            interrupt = ended
     done = read_matches(folder / "runs.jsonl")
     runs = played(course, matches, done)
     count = sum(match.key in done for match in matches)
@@ -76,13 +77,13 @@ def run_tournament(options: argparse.Namespace, course: Course, faults: list[str
             bad = f"   {one.bad} of {len(one.runs)} runs failed" * (one.bad > 0)
             print(f"{one.place:3d}  {shown(one.agent):{width}s}  {one.total:10.2f}{bad}")
         print((folder if options.publish is None else options.publish) / "index.html")
-    if interrupted:
+    if interrupt is not None:
+        word, status = word_and_status(interrupt)
         print(
-            f"\n{PROGRAM}: interrupted after {count} of {len(matches)} runs; the same command continues "
-            "from here",
+            f"\n{PROGRAM}: {word} after {count} of {len(matches)} runs; the same command continues from here",
             file=sys.stderr,
         )
-        return 130
+        return status
     return 1 if faults else 0
 
 

@@ -15,20 +15,18 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from ciberrato.geometry.visible_faces import LONGEST
 from ciberrato.infrared.cone_compiled import nearest_listed
 from ciberrato.infrared.sweep_compiled import dot, face_distance, greatest_of, near, paint_corner, paint_faces
+from ciberrato.machine_code import kept
 
 _BLOCK = 16
 """Places, one behind the other, whose near faces are looked for together."""
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
-
-@_jit
+@kept
 def multiply_dense(dense, codes, table):
     """Multiply all states by the likelihood of their codes."""
     for row in range(dense.shape[0]):
@@ -37,14 +35,14 @@ def multiply_dense(dense, codes, table):
             weights[square] *= table[code[square]]
 
 
-@_jit
+@kept
 def multiply_sparse(weight, bins, squares, codes, table):
     """Multiply listed states by the likelihood of their codes."""
     for state in range(weight.shape[0]):
         weight[state] *= table[codes[bins[state], squares[state]]]
 
 
-@_jit
+@kept
 def drive_dense(old, new, moves, codes, stay, stay_if_blocked):
     """Move the states of every bin by whole squares; see `PoseBelief.drive`."""
     size = old.shape[1] - 1
@@ -63,7 +61,7 @@ def drive_dense(old, new, moves, codes, stay, stay_if_blocked):
                     after[square] += before[square]
 
 
-@_jit
+@kept
 def drive_sparse(bins, squares, moves, codes, stay_if_blocked):
     """Move listed states; return their squares, with ``moves.shape[1]`` for those that are given up."""
     size = moves.shape[1]
@@ -79,7 +77,7 @@ def drive_sparse(bins, squares, moves, codes, stay_if_blocked):
     return moved, blocked
 
 
-@_jit
+@kept
 def diffuse_place(old, new, forward, backward, share, keep):
     """Spread along an axis."""
     for row in range(old.shape[0]):
@@ -89,7 +87,7 @@ def diffuse_place(old, new, forward, backward, share, keep):
             after[square] = spread + keep * before[square]
 
 
-@_jit
+@kept
 def diffuse_heading(old, new, moves, up, down, stay, share, keep):
     """Spread over the neighbouring headings, first from the bin below, then from that above."""
     bins, size = old.shape[0], old.shape[1] - 1
@@ -105,7 +103,7 @@ def diffuse_heading(old, new, moves, up, down, stay, share, keep):
             after[square] = weight + high[from_above[square]] * share
 
 
-@_jit
+@kept
 def add_up(sums, keys, count, bins, squares, weights, size):
     """Add the weights of listed states to an array of all; list the keys met first, return their number."""
     for state in range(weights.shape[0]):
@@ -119,7 +117,7 @@ def add_up(sums, keys, count, bins, squares, weights, size):
     return count
 
 
-@_jit
+@kept
 def take_out(sums, keys, size):
     """List the states of some keys, and leave zeros behind."""
     count = keys.shape[0]
@@ -133,7 +131,7 @@ def take_out(sums, keys, size):
     return bins, squares, weights
 
 
-@_jit
+@kept
 def cone_distances(faces, seen, rows, sectors, x, y, cosine, sine):
     """Return distances as `cone_arrays` does; nan where the lists of faces do not decide."""
     result = np.empty(x.shape[0])
@@ -149,7 +147,7 @@ def cone_distances(faces, seen, rows, sectors, x, y, cosine, sine):
     return result
 
 
-@_jit
+@kept
 def encode(distances, codes, greatest, shift, nearest):
     """Convert distances to codes; see `ciberrato.localization.tables.reading_codes.encode`."""
     bits, last = distances.view(np.int64), codes.shape[0] - 1
@@ -163,7 +161,7 @@ def encode(distances, codes, greatest, shift, nearest):
     return coded
 
 
-@_jit
+@kept
 def wall_distances(places, start, end, direction, length, most):
     """Return the distances of places to the nearest face; see `ciberrato.geometry.tiles.wall_distances`."""
     result = np.empty(places.shape[0])
@@ -181,7 +179,7 @@ def wall_distances(places, start, end, direction, length, most):
     return result
 
 
-@_jit
+@kept
 def nearest_feet(places, start, end, direction, length):
     """Return the nearest wall point to each place and its distance; see `belief.lattice`."""
     foot, result = np.empty(places.shape), np.empty(places.shape[0])
@@ -202,7 +200,7 @@ def nearest_feet(places, start, end, direction, length):
     return foot, result
 
 
-@_jit
+@kept
 def sweep_tile(places, walls, corners, units, first):
     """Return the distances that a sensor takes in a tile; see `ciberrato.infrared.sweep`.
 

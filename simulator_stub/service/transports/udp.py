@@ -162,12 +162,13 @@ class UdpPeer(Peer):
         self._allowance = Allowance(transport.meter, CLIENT_BYTES)
         self._overflow = Overflow(own)
         self._refused = 0
+        self._pauses = False
         self.ends = ("udp", address, own.getsockname())
         self.source = address[0]
 
     def read(self) -> None:
         """Read one datagram."""
-        if self._allowance.left() <= 0:  # called because of an error, while nothing is to be read
+        if self._pauses and self._allowance.left() <= 0:  # called because of an error: nothing is to be read
             self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             return
         try:
@@ -175,13 +176,15 @@ class UdpPeer(Peer):
         except OSError:  # nothing there after all, or no client was there for what was sent last
             return
         size = len(data)
-        if self._allowance.spend(size if size > LEAST_COST else LEAST_COST):
+        if self._allowance.take(size if size > LEAST_COST else LEAST_COST):
+            self._pauses = True
             self._readiness.watch_for(self._socket, reading=False)
             self._transport.meter.when_renewed(self._allowance, self._read_on)
         self._refused = 0
         self.deliver(data)
 
     def _read_on(self) -> None:
+        self._pauses = False
         if not self.closed:
             self._readiness.watch_for(self._socket, reading=True)
 
