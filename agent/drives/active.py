@@ -17,7 +17,7 @@ from agent.drives.clearance import PoseSample
 from agent.drives.disambiguation import FIRST_TURNS, plan
 from agent.drives.explore import ExploreDrive
 from agent.drives.roam import Closed, LegPhase, Roamer
-from ciberrato.localization.belief.estimate import PoseEstimate
+from ciberrato.localization.belief.estimate import PoseEstimate, spread
 from ciberrato.localization.filtering.grid_filter import GridFilter
 from ciberrato.physics.kinematics import STANDSTILL
 from ciberrato.protocol.messages import Measures
@@ -113,7 +113,9 @@ class ActiveDrive:
         if len(found) > 1:
             self._doubt = _entropy(found)
             targets = pose_filter.lab.targets
-            chosen = plan(pose_filter.tables.everywhere, found, self._noise, closed(FIRST_TURNS), targets)
+            tables = pose_filter.tables.everywhere
+            wide = spread(pose_filter.belief, found[0])
+            chosen = plan(tables, found, self._noise, closed(FIRST_TURNS), targets, wide)
             if chosen is not None and chosen.gain > _LEAST_GAIN:
                 return chosen.turn, chosen.length
         return self._explorer.choose(pose_filter, sample, closed)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.drives.clearance import clearance
+from agent.drives.outlook import readings_at
 from ciberrato.arrays import Floats, Integers
 from ciberrato.geometry.angles import short_turn
 from ciberrato.localization.belief.estimate import PoseEstimate
@@ -45,15 +46,16 @@ _STOP = 5.0
 """Cycles added to every path, so that none is chosen for its shortness only."""
 _LONGEST = 70.0
 _PLACE, _TURN = 0.12, 0.07
-"""Units and radians by which the pose of a hypothesis may be out."""
+"""Units and radians by which the pose of a hypothesis may be out, at least."""
 _ERRORS = (
-    (_PLACE, 0.0, 0.0),
-    (-_PLACE, 0.0, 0.0),
-    (0.0, _PLACE, 0.0),
-    (0.0, -_PLACE, 0.0),
-    (0.0, 0.0, _TURN),
-    (0.0, 0.0, -_TURN),
+    (1.0, 0.0, 0.0),
+    (-1.0, 0.0, 0.0),
+    (0.0, 1.0, 0.0),
+    (0.0, -1.0, 0.0),
+    (0.0, 0.0, 1.0),
+    (0.0, 0.0, -1.0),
 )
+"""Of x, y and heading, as multiples of what each may be out by."""
 
 FIRST_TURNS: Floats = np.arange(_DIRECTIONS, dtype=np.float64) * (2.0 * math.pi / _DIRECTIONS)
 """Turns in radians with which a path may begin."""
@@ -92,10 +94,13 @@ class PredictedReadings:
     tables : PoseTables
     noise : float
         Standard deviation of a reading.
+    place, turn : float
+        Units and radians by which the pose of a hypothesis may be out.
     """
 
-    def __init__(self, tables: PoseTables, noise: float) -> None:
+    def __init__(self, tables: PoseTables, noise: float, place: float = _PLACE, turn: float = _TURN) -> None:
         self._tables = tables
+        self._out = np.array([place, place, turn])
         self._readings = 1.0 / code_distances() / noise
 
     def __call__(self, x: Floats, y: Floats, heading: Floats) -> tuple[Floats, Floats]:
@@ -113,7 +118,8 @@ class PredictedReadings:
         """
         middle, inside = self._at(x, y, heading)
         low = high = np.where(inside[..., np.newaxis], middle, 0.0)
-        for dx, dy, turn in _ERRORS:
+        for error in _ERRORS:
+            dx, dy, turn = error * self._out
             other, free = self._at(x + dx, y + dy, heading + turn)
             both = (inside & free)[..., np.newaxis]
             low = np.where(both, np.minimum(low, other), low)
@@ -121,18 +127,7 @@ class PredictedReadings:
         return low, high
 
     def _at(self, x: Floats, y: Floats, heading: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        tables, lattice = self._tables, self._tables.lattice
-        column = np.clip(np.round((x - lattice.origin[0]) / lattice.resolution), 0, lattice.nx - 1)
-        row = np.clip(np.round((y - lattice.origin[1]) / lattice.resolution), 0, lattice.ny - 1)
-        square = lattice.index[(row * lattice.nx + column).astype(np.int64)]
-        inside = square < lattice.size
-        square = np.minimum(square, lattice.size - 1)
-        around = tables.codes[0].shape[0] // 2
-        direction = np.round(heading / (2.0 * math.pi) * around).astype(np.int64) % around
-        parts = [
-            self._readings[tables.codes[table][direction + ahead, square]] for table, ahead in tables.sensors
-        ]
-        return np.stack(parts, axis=-1), inside
+        return readings_at(self._tables, self._readings, x, y, heading)
 
 
 def plan(
@@ -141,6 +136,7 @@ def plan(
     noise: float,
     barred: NDArray[np.bool_],
     targets: Sequence[Target] = (),
+    spread: tuple[float, float] = (0.0, 0.0),
 ) -> Plan | None:
     """Find the path that best separates some hypotheses for the time that it takes.
 
@@ -155,6 +151,8 @@ def plan(
         Mask of first turns, in steps of 45 degrees to the left, that are not allowed.
     targets : sequence of Target
         Places that the ground sensor reports: where rooms are equal for IR, only they make a difference.
+    spread : (float, float)
+        Standard deviations of place (units) and heading (radians) within a hypothesis.
 
     Returns
     -------
@@ -169,7 +167,8 @@ def plan(
     reached = np.flatnonzero((times < _LONGEST) & (parents >= 0))
     if not len(reached):
         return None
-    evidence = _evidence(tables, poses, noise, times, parents, reached, targets)
+    predict_readings = PredictedReadings(tables, noise, max(_PLACE, spread[0]), max(_TURN, spread[1]))
+    evidence = _evidence(predict_readings, poses, times, parents, reached, targets)
     gain = _gain(weights, evidence)
     best = int((gain / (times[reached] + _STOP)).argmax())
     turn, length = _first_leg(int(reached[best]), parents)
@@ -260,16 +259,14 @@ def _shifted(dx: int, dy: int) -> tuple[tuple[slice, slice], tuple[slice, slice]
 
 
 def _evidence(
-    tables: PoseTables,
+    predict_readings: PredictedReadings,
     poses: Floats,
-    noise: float,
     times: Floats,
     parents: Integers,
     reached: Integers,
     targets: Sequence[Target] = (),
 ) -> Floats:
     """Add up the evidence between hypotheses along the paths; shape (reached, hypotheses, hypotheses)."""
-    predict_readings = PredictedReadings(tables, noise)
     direction, node = reached // _NODES, reached % _NODES
     ahead = (node % _SIDE - _RADIUS) * _SPACING
     left = (node // _SIDE - _RADIUS) * _SPACING

@@ -9,6 +9,7 @@ import numpy as np
 from agent.drives.base import Decision, DriveSetup
 from agent.drives.cell_to_cell import CellDrive
 from agent.drives.clearance import PoseSample, free_distances
+from agent.drives.outlook import ERROR, expected_gain
 from agent.drives.roam import SPRINT, Closed, Roamer
 from ciberrato.arrays import Floats
 from ciberrato.localization.filtering.grid_filter import GridFilter
@@ -16,6 +17,14 @@ from ciberrato.physics.kinematics import Command
 from ciberrato.protocol.messages import Measures
 
 LONGEST_LEG = 4.0
+_FEW = 20_000
+"""States of the belief up to which it is worth while to ask what a leg would tell."""
+_LOOK_AHEAD = 0.5, 3.0
+"""Units of a leg that are looked at: least, most."""
+_TELLING = 1.0  # of the leg that tells most, in units of open way
+_ONE_LEFT = 0.8
+"""Probability from which on an estimate has no rival worth a detour."""
+_LEAST_GAIN = 0.05  # nats that count in full
 _TURNS = np.deg2rad(np.arange(-165, 181, 15))
 
 
@@ -38,6 +47,7 @@ class ExploreDrive:
     def __init__(self, angles: tuple[float, ...], obstacle_noise: float, *, cruise: float = 0.1) -> None:
         self._roamer = Roamer(angles, obstacle_noise, self.choose, cruise=cruise)
         self._cells = CellDrive(angles, obstacle_noise, speed=SPRINT * cruise)
+        self._noise = max(obstacle_noise, 0.1)
         self._last: Command | None = None
         self._visits: Floats | None = None
         self._time: int | None = None
@@ -82,8 +92,21 @@ class ExploreDrive:
         # Towards what is so near ahead that it stopped the robot there is no way.
         score -= 3.0 * closed(_TURNS)
         score -= self._crowdedness(pose_filter, sample, mean)
+        score += self._telling(pose_filter, sample, reachable)
         best = int(score.argmax())
         return float(_TURNS[best]), max(min(float(reachable[best]) - 0.1, LONGEST_LEG), 1.0)
+
+    def _telling(self, pose_filter: GridFilter, sample: PoseSample, reachable: Floats) -> Floats:
+        """Return what each leg would tell, up to 1; 0 while the pose is known, or very much is possible."""
+        belief, found = pose_filter.belief, pose_filter.estimate()
+        if found.certain or belief.dense is not None or belief.states > _FEW:
+            return np.zeros(len(_TURNS))
+        some = PoseSample(x=sample.x[::3], y=sample.y[::3], heading=sample.heading[::3])
+        lengths = np.clip(reachable, *_LOOK_AHEAD)
+        # With one hypothesis left, what is to be learnt is where around it the robot is.
+        error = ERROR if found.probability < _ONE_LEFT else 0.0
+        gain = expected_gain(pose_filter.tables.everywhere, some, _TURNS, lengths, self._noise, error)
+        return np.asarray(_TELLING * gain / max(float(gain.max()), _LEAST_GAIN))
 
     def _crowdedness(self, pose_filter: GridFilter, sample: PoseSample, distances: Floats) -> Floats:
         """Return how often the robot has been where a leg would end; 0 while it is lost."""

@@ -42,6 +42,17 @@ def test_the_way_leads_to_where_the_hypotheses_differ(lanes: PoseTables) -> None
         assert way.gain > 0.5
 
 
+def test_a_wide_belief_expects_to_learn_less(lanes: PoseTables) -> None:
+    images = [pose(5.0, 1.0, 0.0), pose(9.0, 3.0, math.pi)]
+    sharp, blurred = (
+        planner.plan(lanes, images, 0.1, NOTHING, (), wide) for wide in ((0.0, 0.0), (0.4, 0.2))
+    )
+    assert sharp is not None
+    assert blurred is not None
+    assert blurred.gain < 0.9 * sharp.gain
+    assert sharp == planner.plan(lanes, images, 0.1, NOTHING, (), (0.05, 0.01))
+
+
 def test_equal_hypotheses_are_not_told_apart(lanes: PoseTables) -> None:
     way = planner.plan(lanes, [pose(5.0, 1.0, 0.0), pose(5.0, 1.0, 0.0)], 0.1, NOTHING)
     assert way is not None
@@ -112,8 +123,8 @@ def test_evidence_is_the_sum_along_the_way(lanes: PoseTables) -> None:
     poses = np.array([(5.013, 1.007, 0.0), (5.024, 3.009, 0.0)])  # not on the edge between squares
     times, parents = planner._quickest(planner._free(lanes, poses), NOTHING)
     reached = np.flatnonzero((times < planner._LONGEST) & (parents >= 0))
-    evidence = planner._evidence(lanes, poses, 0.1, times, parents, reached)
     predict_readings = planner.PredictedReadings(lanes, 0.1)
+    evidence = planner._evidence(predict_readings, poses, times, parents, reached)
     turning = planner._turning(predict_readings, poses)
     start = planner._RADIUS * planner._SIDE + planner._RADIUS
     for number in range(0, len(reached), max(len(reached) // 25, 1)):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ciberrato.localization.belief.estimate import estimate, modes, probability_near
+from ciberrato.localization.belief.estimate import estimate, modes, probability_near, spread
 from ciberrato.localization.belief.lattice import Lattice, build_lattice
 from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.filtering.stage import transfer
@@ -147,6 +147,12 @@ def test_an_estimate_is_the_mean_around_the_best_state_and_counts_what_is_near(p
     both = modes(belief)
     assert [mode.probability for mode in both] == pytest.approx([0.7, 0.3], abs=1e-6)
     assert probability_near(belief, 9.1, 9.0, math.pi) == pytest.approx(0.3, abs=1e-6)
+    # Around the first the places are 3.0, 3.0 and 3.2, the headings 0, 5 and 0, weighted by 4, 1 and 2.
+    place, turn = spread(belief, found)
+    variance = 0.2**2 * (2.0 / 7.0) * (5.0 / 7.0)  # of one axis; none along the other
+    assert place == pytest.approx(math.sqrt(variance / 2.0), abs=1e-5)
+    assert math.degrees(turn) == pytest.approx(5.0 * math.sqrt((1.0 / 7.0) * (6.0 / 7.0)), abs=1e-3)
+    assert spread(belief, both[1]) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 def test_a_belief_goes_over_to_a_finer_lattice_with_its_mean_and_weight():

@@ -13,7 +13,8 @@ from ciberrato.localization.belief.pose_belief import PoseBelief
 from ciberrato.localization.evidence.symmetry import PoseScore
 from ciberrato.localization.filtering.challenge import HypothesisTest
 from ciberrato.localization.filtering.grid_filter import GridFilter
-from ciberrato.localization.records import FilterStep
+from ciberrato.localization.filtering.stage import common_codes
+from ciberrato.localization.records import FilterSettings, FilterStep
 from ciberrato.world.parameters import Parameters
 
 RADIANS = tuple(math.radians(angle) for angle in (0.0, 60.0, -60.0, 180.0))
@@ -77,3 +78,82 @@ def test_a_challenger_of_the_same_pose_goes(coarse_tables, duel, step):
     champion = PoseBelief(coarse_tables.lattice)
     states(champion, TRUE)
     assert duel.judge(dataclasses.replace(estimate(champion)), step, champion) is False
+
+
+CORRIDOR = [(1.0 + 0.8 * k, 1.0) for k in range(8)]
+"""Places on a line: a challenger that has them all knows no pose yet."""
+
+
+def spread_out(lab, tables, places):
+    """Return a filter that takes some places for possible."""
+    one = GridFilter(lab, tables, PARAMETERS)
+    states(one.belief, *places)
+    return one
+
+
+def took_in(one, step, foretold):
+    one.last_step, one.foretold = step, foretold
+    return one
+
+
+def test_what_a_belief_foretells_is_the_mean_likelihood_of_its_states(small_lab, coarse_tables, step):
+    one = spread_out(small_lab, coarse_tables, [TRUE, WRONG, WRONG_TOO])
+    belief, settings = one.belief, FilterSettings()
+    belief.weight[:] = 0.5, 0.3, 0.2
+    codes = common_codes(PARAMETERS, settings)
+    mean = 0.0
+    for state, weight in enumerate((0.5, 0.3, 0.2)):
+        likelihood = 1.0
+        for sensor, reading in enumerate(step.infrared):
+            view = coarse_tables.view(sensor, belief.heading_offset)
+            code = view[int(belief.bin[state]), int(belief.square[state])]
+            likelihood *= math.exp(codes.log_likelihood(reading)[code])
+        mean += weight * likelihood
+    assert one.stage.log_evidence(step, codes) == pytest.approx(math.log(mean), abs=1e-6)
+    assert one.stage.log_evidence(step._replace(infrared=(None,) * 4), codes) is None
+    one.belief.set_uniform()
+    assert one.stage.log_evidence(step, codes) is None
+
+
+def test_a_champion_that_foretells_much_worse_is_refuted_before_the_pose_is_known(
+    small_lab, coarse_tables, step
+):
+    duel = HypothesisTest(
+        spread_out(small_lab, coarse_tables, CORRIDOR),
+        PoseScore(small_lab, RADIANS, PARAMETERS.obstacle_noise, 0.0),
+    )
+    champion = spread_out(small_lab, coarse_tables, [WRONG_TOO])
+    assert estimate(champion.belief).certain
+    assert estimate(duel.challenger.belief).probability < 0.2
+    took_in(champion, step, -5.0)
+    took_in(duel.challenger, step, -1.0)
+    duel.compare_forecasts(champion)
+    assert duel.forecasts == pytest.approx(2.0)
+    assert duel.judge(estimate(champion.belief), step, champion.belief) is None
+    for _ in range(3):
+        duel.compare_forecasts(champion)
+    assert duel.judge(estimate(champion.belief), step, champion.belief) is True
+
+
+@pytest.mark.parametrize(
+    ("place", "foretold", "exponent"),
+    [
+        (CORRIDOR[4], (-5.0, -1.0), 0.4),  # the challenger has the champion's pose among others
+        (WRONG_TOO, (-1.0, -5.0), 0.4),  # the champion foretells better
+        (WRONG_TOO, (-5.0, -1.0), 0.0),  # a robot at rest repeats one error
+        (WRONG_TOO, (-5.0, None), 0.4),  # the challenger has all poses yet
+    ],
+)
+def test_a_champion_is_not_refuted_by_forecasts_that_say_nothing(
+    small_lab, coarse_tables, step, place, foretold, exponent
+):
+    duel = HypothesisTest(
+        spread_out(small_lab, coarse_tables, CORRIDOR),
+        PoseScore(small_lab, RADIANS, PARAMETERS.obstacle_noise, 0.0),
+    )
+    step = step._replace(exponent=exponent)
+    champion = took_in(spread_out(small_lab, coarse_tables, [place]), step, foretold[0])
+    took_in(duel.challenger, step, foretold[1])
+    for _ in range(10):
+        duel.compare_forecasts(champion)
+        assert duel.judge(estimate(champion.belief), step, champion.belief) in (None, False)

@@ -152,6 +152,35 @@ def probability_near(belief: PoseBelief, x: float, y: float, heading: float) -> 
     return min(float((weights * inside).sum()), 1.0)
 
 
+def spread(belief: PoseBelief, pose: PoseEstimate) -> tuple[float, float]:
+    """Compute how wide a belief is around one of its modes.
+
+    Parameters
+    ----------
+    belief : PoseBelief
+    pose : PoseEstimate
+
+    Returns
+    -------
+    place, turn : float
+        Standard deviations of the states near it, in units (along an axis) and radians; 0 without any.
+    """
+    bins, squares, weights = _strongest(belief)
+    x, y = belief.places(bins, squares)
+    headings = belief.headings()[bins]
+    centre = (pose.x, pose.y, pose.heading)
+    near = weights * _within(x, y, headings, centre, 2.0)
+    total = float(near.sum())
+    if total <= 0.0:
+        return 0.0, 0.0
+    middle = _mean(x, y, headings, near, centre)
+    away = (x - middle[0]) ** 2 + (y - middle[1]) ** 2
+    turned = short_turns(headings - middle[2]) ** 2
+    return math.sqrt(float((near * away).sum()) / total / 2.0), math.sqrt(
+        float((near * turned).sum()) / total
+    )
+
+
 def _strongest(belief: PoseBelief) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
     """Return the states that carry the belief; of a dense one only those well above the mean."""
     if belief.dense is None:

@@ -5,6 +5,11 @@ notice; it need not even be certain of its wrong poses. So every now and then a 
 poses on the coarse lattice. If it finds a pose that the champion does not have, that one and the champion's
 are held against everything that is sensed from then on, by the exact sensor model, until one is refuted. The
 true pose does not lose such a test: a sequential probability ratio test of two poses (Wald, 1945).
+
+A challenger may know where the robot is not before it knows where it is: in a long corridor, say, when the
+champion has it in the open. So the beliefs are compared, too, as forecasters (Dawid, 1984): by how likely
+each found every reading before it took it in. A champion that foretells much worse than a challenger which
+excludes its pose is refuted, and the challenger goes on from what it has.
 """
 
 from __future__ import annotations
@@ -32,7 +37,9 @@ _SAME_PLACE = 0.7
 _SAME_HEADING = math.radians(20.0)
 _LIKELY = 0.2
 _EXCLUDED = 0.02
-"""Probability below which a champion that is not certain does not have a pose."""
+"""Probability below which a belief does not have a pose."""
+_SHARE = 0.5
+"""Exponent of what was foretold of a message: the errors of squares return with the next one."""
 
 
 class Contender(Protocol):
@@ -41,6 +48,7 @@ class Contender(Protocol):
     stage: Stage
     alignment: MessageAlignment
     last_step: FilterStep | None
+    foretold: float | None
 
     def begin_at(self, wheels: Command, time: int | None) -> None:
         """Begin in the middle of a run."""
@@ -79,6 +87,11 @@ class Challenge:
         self._doubtful = True
         if self._test is not None:
             self._test.challenger.doubt_motion()
+
+    @property
+    def active(self) -> bool:
+        """Return whether there is a challenger now."""
+        return self._test is not None
 
     def end(self) -> None:
         """Send the challenger away: all poses are possible for the champion, too."""
@@ -124,6 +137,7 @@ class Challenge:
             self._test = HypothesisTest(challenger, self._score)
         test = self._test
         test.challenger.observe(measures, command)
+        test.compare_forecasts(champion)
         won = test.judge(champion.estimate(), step, champion.stage.belief)
         if won is None:
             return None
@@ -146,7 +160,16 @@ class HypothesisTest:
         self._score = score
         self._age = 0
         self.evidence = 0.0
-        """For the challenger, as a natural logarithm."""
+        """For the challenger's pose, as a natural logarithm."""
+        self.forecasts = 0.0
+        """For the challenger's belief, by what it foretold, likewise; not less than 0."""
+
+    def compare_forecasts(self, champion: Contender) -> None:
+        """Update the evidence between the beliefs with what both have foretold of the same readings."""
+        told, other, step = champion.foretold, self.challenger.foretold, champion.last_step
+        if told is not None and other is not None and step is not None:
+            new = min(step.exponent / champion.stage.settings.exponent, 1.0)
+            self.forecasts = max(self.forecasts + _SHARE * new * (other - told), 0.0)
 
     def judge(self, champion: PoseEstimate, step: FilterStep, belief: PoseBelief) -> bool | None:
         """Compare both poses with what was sensed.
@@ -169,6 +192,8 @@ class HypothesisTest:
             return False
         if self.challenger.stage.belief.dense is not None:
             return None
+        if self.forecasts > _DECIDED and self._excludes(champion):
+            return True
         found = self.challenger.estimate()
         if found.probability < _LIKELY:
             return None
@@ -185,3 +210,7 @@ class HypothesisTest:
         if abs(self.evidence) < _DECIDED:
             return None
         return self.evidence > 0.0
+
+    def _excludes(self, pose: PoseEstimate) -> bool:
+        belief = self.challenger.stage.belief
+        return probability_near(belief, pose.x, pose.y, pose.heading) < _EXCLUDED

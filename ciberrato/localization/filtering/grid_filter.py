@@ -29,7 +29,7 @@ from ciberrato.localization.filtering.challenge import Challenge
 from ciberrato.localization.filtering.diffusion import Diffusion
 from ciberrato.localization.filtering.images import TurnedImages
 from ciberrato.localization.filtering.interruption import LOST, Interruption
-from ciberrato.localization.filtering.stage import FineStage, Stage, transfer
+from ciberrato.localization.filtering.stage import FineStage, Stage, common_codes, transfer
 from ciberrato.localization.filtering.tempering import Tempering
 from ciberrato.localization.records import FilterSettings, FilterStep, Motion
 from ciberrato.localization.refinement.refiner import Refinement
@@ -110,6 +110,9 @@ class GridFilter:
             self._beacons,
         )
         self._images = TurnedImages(symmetry, self._start, self.gps)
+        self.foretold: float | None = None
+        """Log evidence of the last readings under the belief before them, where a challenge asks for it."""
+        self._common_codes = common_codes(parameters, self._first_settings)
         self._estimate: PoseEstimate | None = None
 
     # --- what is known --------------------------------------------------------------------------------
@@ -248,6 +251,8 @@ class GridFilter:
                 self.map_fit.observe(
                     misfit, min(step.exponent / self.stage.settings.exponent, 1.0), step.time
                 )
+        if self.challenge is None or self.challenge.active:
+            self.foretold = self.stage.log_evidence(step, self._common_codes)
         self.update(step, on_node=on_node)
         if self.refinement is not None:
             self.refinement.follow(step, min(step.exponent / self.stage.settings.exponent, 1.0))

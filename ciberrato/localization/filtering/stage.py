@@ -17,7 +17,7 @@ from ciberrato.localization.belief.reweight import Factor, multiply
 from ciberrato.localization.evidence.beacons import BeaconSense
 from ciberrato.localization.evidence.other_sensors import GroundSensor, compass_log_likelihood
 from ciberrato.localization.records import FilterSettings, FilterStep
-from ciberrato.localization.tables.pose_tables import BINS, PoseTables
+from ciberrato.localization.tables.pose_tables import BINS, COARSE, PoseTables
 from ciberrato.localization.tables.reading_codes import ReadingCodes
 from ciberrato.localization.tables.tiled import TiledTables, Tiling
 from ciberrato.world.lab import Lab
@@ -152,6 +152,36 @@ class Stage:
                 count += 1
         return total / count if count else None
 
+    def log_evidence(self, step: FilterStep, codes: ReadingCodes) -> float | None:
+        """Return how likely the readings of a step are under the belief, before they are weighed.
+
+        Parameters
+        ----------
+        step : FilterStep
+        codes : ReadingCodes
+            Likelihoods of readings; those of two beliefs are comparable if they have the same ones.
+
+        Returns
+        -------
+        float
+            Natural logarithm of the likelihood of IR sensors and compass together, up to a constant of the
+            readings. None without readings, and of a belief over very many states, which is no list.
+        """
+        belief = self.belief
+        if belief.dense is not None:
+            return None
+        total = np.zeros(belief.states)
+        taken = [(sensor, reading) for sensor, reading in enumerate(step.infrared) if reading is not None]
+        for sensor, reading in taken[: len(self.tables.sensors)]:
+            expected = self.tables.view(sensor, belief.heading_offset)[belief.bin, belief.square]
+            total += codes.log_likelihood(reading)[expected]
+        if step.compass is not None:
+            total += compass_log_likelihood(belief, step.compass, self.parameters.compass_noise)[belief.bin]
+        elif not taken:
+            return None
+        most = float(total.max())
+        return most + math.log(max(float(belief.weight @ np.exp(total - most)), _LEAST))
+
 
 class FineStage:
     """The stage that follows the first one, when its tables are there and few states are left.
@@ -238,6 +268,16 @@ class FineStage:
         complete = tables.fetch(tiles, self._left)
         self._left = TILES_A_MESSAGE if last else self._left - (tables.computed - before)
         return complete
+
+
+def common_codes(parameters: Parameters, settings: FilterSettings) -> ReadingCodes:
+    """Return likelihoods of readings, of squares of the coarse lattice, by which stages can be compared."""
+    return ReadingCodes(
+        noise=parameters.obstacle_noise,
+        place=settings.place_spread * COARSE,
+        turn=settings.turn_spread * 2.0 * math.pi / BINS,
+        outlier=settings.outlier,
+    )
 
 
 def transfer(source: PoseBelief, target: PoseBelief) -> None:
