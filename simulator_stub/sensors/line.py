@@ -43,7 +43,7 @@ class LineSensor(Sensor):
     Attributes
     ----------
     wrong : (list of int, list of int)
-        Which elements are going to be wrong, as `BITS`, the next cycle last: while the simulator does not
+        Elements that are going to be wrong, as `BITS`, the next cycle last: while the simulator does not
         run, and while it runs.
     """
 
