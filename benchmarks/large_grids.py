@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ciberrato.bayes import SelectiveFilter, compiled
+from ciberrato.bayes import GridFilter, SelectiveFilter, compiled
 from ciberrato.bayes.filtering import update
 from examples import museum
 
@@ -28,6 +28,8 @@ GRIDS = ((0.8, 12), (0.4, 24), (0.4, 90), (0.2, 90), (0.2, 180), (0.2, 360))
 LARGEST = (0.1, 720)
 STOPS = 14
 DOUBLE, SINGLE = "machine code", "machine code, float32"
+ONE_PASS, ONE_PASS_SINGLE = "GridFilter, machine code", "GridFilter, machine code, float32"
+SELECTIVE, LISTED = "selective", "selective, machine code"
 
 
 class Size(NamedTuple):
@@ -89,14 +91,20 @@ def measure(cell: float, headings: int) -> Size:
         following.update(hall.table.scan(scan, beam, weight=museum.WEIGHT))
 
     active = following.active
-    slow, fast = cpu_time(dense, 3), float("inf")
-    for _ in range(7):
+    seconds, held = {"numpy": cpu_time(dense, 3)}, {"numpy": peak(dense)}
+    distance = 0.0
+    for name in (SELECTIVE, LISTED):
+        if name == LISTED and not compiled.load():
+            break
+        fast = float("inf")
+        for _ in range(9):
+            following = SelectiveFilter(before, hall.motion)
+            fast = min(fast, cpu_time(selective, 1))
+        if name == SELECTIVE:
+            distance = 0.5 * float(np.abs(following.belief - result).sum())
         following = SelectiveFilter(before, hall.motion)
-        fast = min(fast, cpu_time(selective, 1))
-    distance = 0.5 * float(np.abs(following.belief - result).sum())
-    following = SelectiveFilter(before, hall.motion)
-    taken = peak(selective)
-    seconds, held = {"numpy": slow, "selective": fast}, {"numpy": peak(dense), "selective": taken}
+        seconds[name], held[name] = fast, peak(selective)
+    compiled.use(None)
     add_machine_code(hall, tour, before, seconds, held)
     return Size(hall.space.size, active, seconds, held, distance)
 
@@ -111,7 +119,7 @@ def add_machine_code(
     """Measure the last step in machine code, in the precisions that the belief can have; one core."""
     if not compiled.load():
         return
-    for name, kind in ((DOUBLE, np.float64), (SINGLE, np.float32)):
+    for name, whole, kind in ((DOUBLE, ONE_PASS, np.float64), (SINGLE, ONE_PASS_SINGLE, np.float32)):
         if belief.dtype == np.float32 and kind == np.float64:
             continue
         now = belief.astype(kind, copy=False)
@@ -125,6 +133,16 @@ def add_machine_code(
 
         step()
         seconds[name], held[name] = cpu_time(step, 3), peak(step)
+        robot = GridFilter(now, hall.motion, dtype=kind)
+
+        def one_pass(robot: GridFilter = robot) -> None:
+            robot.predict(tour.controls[STOPS - 1])
+            robot.update(
+                hall.table.scan(tour.scans[STOPS], museum.BEAM.beam_log_likelihood, weight=museum.WEIGHT)
+            )
+
+        one_pass()
+        seconds[whole], held[whole] = cpu_time(one_pass, 3), peak(one_pass)
     compiled.use(None)
 
 
@@ -147,8 +165,10 @@ def main() -> None:
     for grid in (*GRIDS, LARGEST):
         size = measure_largest(*grid) if grid == LARGEST else measure(*grid)
         sizes.append(size)
+        dense = size.seconds.get("numpy", math.nan)
         told = " | ".join(
             f"{name} {1e3 * seconds:.2f} ms {size.held[name] / 1e6:.1f} MB"
+            + (f" {100.0 * seconds / dense:.2g} % of numpy" if name in (SELECTIVE, LISTED) else "")
             for name, seconds in size.seconds.items()
         )
         print(f"{size.states:,} states, {size.active:,} active: {told}; {size.distance:.0e}", flush=True)
@@ -165,7 +185,15 @@ def draw(sizes: list[Size], path: Path) -> None:
         (axes[0], "seconds", 1e3, "CPU time of a step / ms"),
         (axes[1], "held", 1e-6, "memory allocated in a step / MB"),
     ):
-        for name, mark in (("numpy", "o-"), (DOUBLE, "^-"), (SINGLE, "v-"), ("selective", "s-")):
+        for name, mark in (
+            ("numpy", "o-"),
+            (DOUBLE, "^-"),
+            (SINGLE, "v-"),
+            (ONE_PASS, "<-"),
+            (ONE_PASS_SINGLE, ">-"),
+            (SELECTIVE, "s-"),
+            (LISTED, "D-"),
+        ):
             known = [size for size in sizes if name in size.seconds]
             values = [scale * getattr(size, field)[name] for size in known]
             axis.loglog([size.states for size in known], values, mark, label=name)

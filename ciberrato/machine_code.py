@@ -8,11 +8,9 @@ from __future__ import annotations
 import importlib.util
 import os
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from ciberrato.errors import UsageError
-
-Function = TypeVar("Function", bound=Callable[..., object])
 
 CHOICES = ("auto", "on", "off")
 VARIABLE = "CIBERRATO_COMPILED"
@@ -43,7 +41,7 @@ def available() -> bool:
     return importlib.util.find_spec("numba") is not None
 
 
-def kept(function: Function) -> Function:
+def kept(function: Callable[..., object]) -> Any:
     """Return a function that numba compiles at its first call, and whose machine code it keeps on the disk.
 
     numba numbers the files of a function's machine code, one for each types of arguments. Two processes that
@@ -64,9 +62,9 @@ def kept(function: Function) -> Function:
 
     import numba
 
-    compiled: Any = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    compiled = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
     file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if file is not None:
         beginning = file._index_name.removesuffix(".nbi")
         file._data_name = lambda number: f"{beginning}.{number}.{uuid.uuid4().hex[:12]}.nbc"
-    return compiled  # type: ignore[no-any-return]
+    return compiled

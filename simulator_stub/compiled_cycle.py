@@ -218,7 +218,7 @@ class CompiledCycle:
         return found
 
     def _look_ahead(self) -> None:
-        """Lay out the random numbers of the next cycles; they stay in their streams."""
+        """Write the random numbers of the next cycles into rows; they stay in their streams."""
         for number, (_, _, _, _, line, _, motors, axes, turn, _) in enumerate(self._plan):
             noise = self._noise[:, number]
             if self._motors:

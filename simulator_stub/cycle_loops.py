@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from ciberrato.infrared.cone_compiled import distance_ahead, row_at, wrap
 from ciberrato.infrared.cone_pairs import HALF_APERTURE
 from ciberrato.infrared.exact import CLOSE
 from ciberrato.infrared.face_tables import TOUCHED
 from ciberrato.infrared.model import CONTACT, SATURATION, SENSOR_OFFSET
+from ciberrato.machine_code import kept
 from ciberrato.physics.kinematics import ROBOT_RADIUS
 from simulator_stub.sensors.infrared import REACH
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
@@ -32,10 +31,8 @@ SHORT = 1e5
 """Readings below it have all their digits in the six that are sent, as they are whole tenths."""
 ZERO, MINUS, POINT = ord("0"), ord("-"), ord(".")
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
-
-@_jit
+@kept
 def cycle(
     time, buttons, turn, robots, noise, fixed, faces, row_of, seen, touched, touched_count,
     floor, polygons, corners, texts, out,
@@ -125,7 +122,7 @@ def cycle(
     return True
 
 
-@_jit
+@kept
 def _marks(x, y, heading, first_square, floor, polygons, corners):
     """Return which elements of the line sensor are above a polygon; as `LineSensor.update`."""
     cosine, sine = math.cos(heading), math.sin(heading)
@@ -148,7 +145,7 @@ def _marks(x, y, heading, first_square, floor, polygons, corners):
     return marks
 
 
-@_jit
+@kept
 def inside(corners, begin, end, x, y):
     """Return whether a point is inside a polygon, by the even-odd rule; as `simulator_stub.world.floor`."""
     inside = False
@@ -163,7 +160,7 @@ def inside(corners, begin, end, x, y):
     return inside
 
 
-@_jit
+@kept
 def _write(texts, row, time, switches, readings):
     """Write a message; return its length, 0 where a number is not one of those that are short.
 
@@ -186,7 +183,7 @@ def _write(texts, row, time, switches, readings):
     return _copy(texts, FIRST_TAIL + switches, row, place)
 
 
-@_jit
+@kept
 def _copy(texts, piece, row, place):
     """Copy a piece, whose length is in the last two bytes of its row; return where it ends."""
     width = texts.shape[1]
@@ -196,7 +193,7 @@ def _copy(texts, piece, row, place):
     return place + size
 
 
-@_jit
+@kept
 def _tenths(texts, row, place, tenths):
     """Write a tenth of a whole number, as ``%g`` does; return where it ends."""
     if math.copysign(1.0, tenths) < 0.0:
@@ -211,7 +208,7 @@ def _tenths(texts, row, place, tenths):
     return place
 
 
-@_jit
+@kept
 def _digits(texts, row, place, number):
     """Write a whole number that is not negative; return where it ends."""
     size = 1
@@ -225,7 +222,7 @@ def _digits(texts, row, place, number):
     return place + size
 
 
-@_jit
+@kept
 def touches_face(faces, face, x, y):
     """Return whether a robot overlaps a face; as `NearbyFaces.any_within`."""
     dx, dy = x - faces[face, 0], y - faces[face, 1]
@@ -238,7 +235,7 @@ def touches_face(faces, face, x, y):
     return abs(dx * faces[face, 8] - dy * faces[face, 7]) < ROBOT_RADIUS
 
 
-@_jit
+@kept
 def _moves_towards(robots, out, robot, other):
     """Return whether a robot moves towards another, by the poses before the move; as `physics.collisions`."""
     dx, dy = robots[other, 0] - robots[robot, 0], robots[other, 1] - robots[robot, 1]
@@ -249,7 +246,7 @@ def _moves_towards(robots, out, robot, other):
     return ahead > 0.0 if speed > 0.0 else ahead < 0.0
 
 
-@_jit
+@kept
 def _robot_ahead(x, y, direction, other_x, other_y):
     """Return the distance of another robot; as `ciberrato.infrared.model.other_robot_distance`."""
     axis = wrap(direction)

@@ -9,6 +9,7 @@ Models are imported from their own modules: `ciberrato.bayes.motion`, `.sensors`
 from __future__ import annotations
 
 from ciberrato.bayes.filtering import Update, predict, update, update_by_likelihood
+from ciberrato.bayes.gridfilter import GridFilter
 from ciberrato.bayes.logbelief import LogBelief
 from ciberrato.bayes.markovfilter import MarkovFilter
 from ciberrato.bayes.recovery import ImpossiblePolicy, ImpossibleReadingError
@@ -26,6 +27,7 @@ from ciberrato.bayes.summaries import (
 
 __all__ = [
     "Axis",
+    "GridFilter",
     "ImpossiblePolicy",
     "ImpossibleReadingError",
     "LogBelief",

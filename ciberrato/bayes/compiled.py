@@ -2,7 +2,7 @@
 
 `load` loads the loops of `ciberrato.bayes.loops`. A `ScanTable` or `TurnDriveTurn` over `LARGE` states or
 more does so by itself, for beliefs of that size, if numba is there and `CIBERRATO_COMPILED` is not ``off``.
-Compiling takes some twenty seconds once, reading the loops from numba's cache half a second. Results differ
+Compiling takes half a minute once, reading the loops from numba's cache half a second. Results differ
 from numpy's by rounding: each function that uses the loops says by how much, and tests hold it to that.
 """
 

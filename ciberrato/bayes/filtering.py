@@ -178,15 +178,19 @@ def _products(
     for first in range(begin, end, _PIECE):
         piece = slice(first, min(first + _PIECE, end))
         held, part = belief[piece], out[piece]
-        score = np.subtract(scores[piece], best, dtype=np.float64)
-        np.maximum(score, far, out=part)
-        np.exp(part, out=part)
+        given = scores[piece]
+        np.subtract(given, best, out=part, dtype=np.float64)
+        # Of -inf the exponential is 0 at once; what else is far off would be a denormal number.
+        distant = given < far + best
+        near = part >= far if distant.any() and not np.array_equal(distant, given == -np.inf) else None
+        np.exp(part if near is None else np.maximum(part, far, out=part), out=part)
         np.multiply(part, held, out=part)
-        if score.min() < far:
-            np.multiply(part, score >= far, out=part)
+        if near is not None:
+            np.multiply(part, near, out=part)
+        # Mostly as many are small as hold nothing before: these are not counted.
         low = part < least
-        if low.any():
-            small += int(np.count_nonzero(low & (held > 0.0) & (score > -np.inf)))
+        if np.count_nonzero(low) != np.count_nonzero(held == 0.0):
+            small += int(np.count_nonzero(low & (held > 0.0) & (given > -np.inf)))
         wrong += not (held.min() >= 0.0 and held.max() <= most)
         total.append(float(part.sum()))
     return math.fsum(total), small, wrong

@@ -170,54 +170,68 @@ def drive_and_turn(turned, shape, margin, moves, shares, begins, free, weights, 
         Distribution of the turn.
     out : shape (x * y * headings,)
     """
+    work = drive_work(shape[2], weights.shape[0], out)
+    for x in range(begin, end):
+        drive_row(x, turned, shape, margin, moves, shares, begins, free, weights, first, work, out)
+
+
+@_part
+def drive_work(size, taps, out):
+    """Return work arrays of `drive_row`."""
+    blocks = -(-size // LANES)
+    tile = LANES * LANES * blocks
+    lines = zeros(STRIP // LANES * LANES * (LANES * blocks + taps), out.dtype)
+    return lines, zeros(tile, out.dtype), zeros(tile, out.dtype)
+
+
+@_part
+def drive_row(x, turned, shape, margin, moves, shares, begins, free, weights, first, work, out):
+    """Do what `drive_and_turn` does for one row of places."""
+    lines, after, tile = work
     rows, columns, size = shape
     wide, taps = turned.shape[0] // (rows * size), weights.shape[0]
     blocks = -(-size // LANES)
     each, length = LANES * (LANES * blocks + taps), _U(LANES * blocks)
-    lines = zeros(STRIP // LANES * each, out.dtype)
-    after = zeros(LANES * LANES * blocks, out.dtype)
-    tile = zeros(LANES * LANES * blocks, out.dtype)
     zero = load(zeros(LANES, out.dtype), _U(0))
     start = (1 - first - taps) % size
-    for x in range(begin, end):
-        for y in range(0, columns, STRIP):
-            if not free[x, y : y + STRIP].any():
-                out[(x * columns + y) * size : (x * columns + min(columns, y + STRIP)) * size] = 0.0
-                continue
-            for h in range(size):
-                a, b, c, d = zero, zero, zero, zero
-                for entry in range(begins[h], begins[h + 1]):
-                    source = x - moves[entry, 0]
-                    if 0 <= source < rows:
-                        at = _U((source * size + h) * wide + margin + y - moves[entry, 1])
-                        prefetch(turned, at + _U(STRIP))
-                        prefetch(turned, at + _U(STRIP + LANES))
-                        prefetch(turned, at + _U(STRIP + 2 * LANES))
-                        prefetch(turned, at + _U(STRIP + 3 * LANES))
-                        share = splat(shares[entry])
-                        a = multiply_add(share, load(turned, at), a)
-                        b = multiply_add(share, load(turned, at + _U(LANES)), b)
-                        c = multiply_add(share, load(turned, at + _U(2 * LANES)), c)
-                        d = multiply_add(share, load(turned, at + _U(3 * LANES)), d)
-                at = _U(LANES * ((h - start) % size))
-                while at < _U(LANES * (size + taps - 1)):
-                    store(lines, at, a)
-                    store(lines, at + _U(each), b)
-                    store(lines, at + _U(2 * each), c)
-                    store(lines, at + _U(3 * each), d)
-                    at += _U(LANES * size)
-            for group in range(STRIP // LANES):
-                low, high = y + LANES * group, min(columns, y + LANES * (group + 1))
-                if low >= high:
-                    break
-                if free[x, low:high].any():
-                    _turn(lines, _U(group * each), weights, blocks, after, _U(0))
-                    for block in range(blocks):
-                        source = _U(LANES * LANES * block)
-                        transpose(after, source, _U(LANES), tile, _U(LANES * block), length)
-                for k in range(high - low):
-                    onto, made = (x * columns + low + k) * size, LANES * blocks * k
-                    if free[x, low + k]:
-                        out[onto : onto + size] = tile[made : made + size]
-                    else:
-                        out[onto : onto + size] = 0.0
+    for y in range(0, columns, STRIP):
+        if not free[x, y : y + STRIP].any():
+            out[(x * columns + y) * size : (x * columns + min(columns, y + STRIP)) * size] = 0.0
+            continue
+        for h in range(size):
+            a, b, c, d = zero, zero, zero, zero
+            for entry in range(begins[h], begins[h + 1]):
+                source = x - moves[entry, 0]
+                if 0 <= source < rows:
+                    at = _U((source * size + h) * wide + margin + y - moves[entry, 1])
+                    prefetch(turned, at + _U(STRIP))
+                    prefetch(turned, at + _U(STRIP + LANES))
+                    prefetch(turned, at + _U(STRIP + 2 * LANES))
+                    prefetch(turned, at + _U(STRIP + 3 * LANES))
+                    share = splat(shares[entry])
+                    a = multiply_add(share, load(turned, at), a)
+                    b = multiply_add(share, load(turned, at + _U(LANES)), b)
+                    c = multiply_add(share, load(turned, at + _U(2 * LANES)), c)
+                    d = multiply_add(share, load(turned, at + _U(3 * LANES)), d)
+            at = _U(LANES * ((h - start) % size))
+            while at < _U(LANES * (size + taps - 1)):
+                store(lines, at, a)
+                store(lines, at + _U(each), b)
+                store(lines, at + _U(2 * each), c)
+                store(lines, at + _U(3 * each), d)
+                at += _U(LANES * size)
+        for group in range(STRIP // LANES):
+            low, high = y + LANES * group, min(columns, y + LANES * (group + 1))
+            if low >= high:
+                break
+            if free[x, low:high].any():
+                _turn(lines, _U(group * each), weights, blocks, after, _U(0))
+                for block in range(blocks):
+                    source = _U(LANES * LANES * block)
+                    transpose(after, source, _U(LANES), tile, _U(LANES * block), length)
+            for k in range(high - low):
+                onto, made = (x * columns + low + k) * size, LANES * blocks * k
+                if free[x, low + k]:
+                    out[onto : onto + size] = tile[made : made + size]
+                else:
+                    out[onto : onto + size] = 0.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ciberrato.bayes.vectors import MANY, add, load_many, store, store_in_turn, zeros
+from ciberrato.bayes.vectors import MANY, add, load_many, prefetch, store, store_in_turn, zeros
 from ciberrato.machine_code import kept
 
 _part = numba.njit(error_model="numpy", nogil=True)
@@ -19,6 +19,10 @@ _U = np.uint64
 
 RUN = 3 * MANY
 """Beams whose worth is added at once: rows of what codes are worth are a multiple of this long."""
+_AHEAD = 8
+"""Listed states that memory is asked for ahead of their turn."""
+_SHARE = 16
+"""Part of a place's headings from which on doing all of them is sooner than one by one."""
 
 
 @kept
@@ -150,27 +154,48 @@ def scan_states(codes, row_of, worth, beams, spacing, high, states, out):
     begins = np.zeros(spacing + 1, np.int64)
     for part in range(spacing):
         begins[part + 1] = begins[part] + (headings - part + spacing - 1) // spacing
+    # What a state's beams are worth, and sums of those that are `MANY` apart, twice over.
+    each, lanes = zeros(stride, np.float32), zeros(2 * MANY, np.float32)
+    zero = load_many(lanes, _U(0))
+    # Where a place has many states listed, all of its headings are done at once.
+    work, around, until = scan_work(headings, stride, beams, spacing), np.empty(headings, np.float32), 0
     for state in range(states.shape[0]):
-        place, heading = states[state] // headings, states[state] % headings
-        row = row_of[place]
+        ahead = row_of[states[min(state + _AHEAD, states.shape[0] - 1)] // headings] * headings
+        for line in range(0, headings, 64):
+            prefetch(codes, _U(max(ahead, 0) + line))
+        place = states[state] // headings
+        heading, row = states[state] - place * headings, row_of[place]
         if row < 0:
             out[state] = -np.inf
+            continue
+        if (
+            state >= until
+            and states[min(state + headings // _SHARE, states.shape[0] - 1)] // headings == place
+        ):
+            scan_place(codes[row], worth, beams, spacing, high, work, around, _U(0))
+            until = state
+            while until < states.shape[0] and states[until] // headings == place:
+                until += 1
+        if state < until:
+            out[state] = around[heading]
             continue
         code = codes[row]
         whole = np.float32(0.0)
         for at in range((heading + high) % headings, headings + (beams - 1) * spacing, headings):
             part, last = at % spacing, at // spacing
             begin, some = begins[part], begins[part + 1] - begins[part]
-            turn = np.float32(0.0)
+            for beam in range(0, stride, MANY):
+                store(each, _U(beam), zero)
+            for beam in range(max(0, last - some + 1), min(beams, last + 1)):
+                each[_U(beam)] = worth[_U(code[_U(begin + last - beam)]) * _U(stride) + _U(beam)]
+            sums = zero
+            for run in range(0, stride, RUN):
+                sum_ = add(load_many(each, _U(run + 2 * MANY)), load_many(each, _U(run + MANY)))
+                sums = add(sums, add(sum_, load_many(each, _U(run))))
+            store(lanes, _U(0), sums)
+            store(lanes, _U(MANY), sums)
+            turn, lane = np.float32(0.0), _U(last % MANY + MANY)
             for one in range(MANY):
-                lane = (last - one) % MANY
-                class_ = np.float32(0.0)
-                for run in range(0, stride, RUN):
-                    sum_ = np.float32(0.0)
-                    for beam in range(run + 2 * MANY + lane, run - 1, -MANY):
-                        if 0 <= last - beam < some and beam < beams:
-                            sum_ += worth[code[begin + last - beam] * stride + beam]
-                    class_ += sum_
-                turn += class_
+                turn += lanes[lane - _U(one)]
             whole += turn
         out[state] = whole

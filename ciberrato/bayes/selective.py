@@ -25,6 +25,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.checks import belief_array, refuse_log_likelihood, whole
 from ciberrato.bayes.filtering import predict, update
@@ -211,8 +212,9 @@ class SelectiveFilter:
             return
         if highest is None:
             highest = float(getattr(log_likelihood, "highest", math.inf))
-        scores = _checked(log_likelihood(self._states), self._states.shape, highest)
-        probes = _checked(log_likelihood(self._probed()), (self._probes,), highest)
+        asked = np.concatenate([self._states, self._probed()])
+        found = _checked(log_likelihood(asked), asked.shape, highest)
+        scores, probes = found[: -self._probes], found[-self._probes :]
         with np.errstate(divide="ignore"):
             logs = np.log(self._masses) + scores
             best = max(float(logs.max(initial=-np.inf)), float(probes.max()))
@@ -230,7 +232,7 @@ class SelectiveFilter:
             return
         self.passive = elsewhere / (kept + elsewhere)
         total = float(weights.sum())
-        chosen, left_out = heavy(weights, self._skip * total)
+        chosen, left_out = self._heavy(weights, self._skip * total)
         self.log_evidence += best + math.log(total)
         self._keep(self._states[chosen], weights[chosen], left_out, highest - best)
 
@@ -256,9 +258,14 @@ class SelectiveFilter:
         if np.count_nonzero(self._masses >= least if least > 0.0 else self._masses) <= (
             self._widest * self._masses.size
         ):
-            chosen, left_out = heavy(self._masses, self._skip)
+            chosen, left_out = self._heavy(self._masses, self._skip)
             self._states = chosen
             self._keep(chosen, self._masses.ravel()[chosen], left_out, 0.0)
+
+    def _heavy(self, masses: FloatArray, allowed: float) -> tuple[IntArray, float]:
+        """Do what `heavy` does, by machine code if loaded."""
+        loops: Any = compiled.kernels(math.prod(self._motion.space.shape))
+        return heavy(masses, allowed) if loops is None else loops.heavy(masses.ravel(), allowed)
 
     def _keep(self, states: IntArray, masses: FloatArray, left_out: float, log_highest: float) -> float:
         """Set the belief to states listed, normalized; count what is left out; return the log of the sum.

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from ciberrato.infrared.cone_compiled import distance_ahead, row_at, wrap
 from ciberrato.infrared.exact import CLOSE
 from ciberrato.infrared.face_tables import TOUCHED
 from ciberrato.infrared.model import CONTACT, SATURATION
+from ciberrato.machine_code import kept
 from simulator_stub.cycle_loops import RIM, inside, touches_face
 from simulator_stub.sensors.line import AHEAD, SIDEWAYS
 from simulator_stub.world.floor import SQUARES_PER_UNIT as FLOOR_SQUARES_PER_UNIT
@@ -26,10 +26,8 @@ _SIDEWAYS = np.array(SIDEWAYS)
 UNDECIDED = -2
 """Reading of the ground sensor nearer than `RIM` to the rim of a target."""
 
-_jit = numba.njit(cache=True, error_model="numpy", nogil=True)
 
-
-@_jit
+@kept
 def move(robots, pose, motors, flags, deviation, noise, tables, wanted, undecided):
     """Move robots; returns how many are undecided, with `wanted` the places where they would be."""
     xs, ys, headings = pose
@@ -74,7 +72,7 @@ def move(robots, pose, motors, flags, deviation, noise, tables, wanted, undecide
     return count
 
 
-@_jit
+@kept
 def sense(robots, pose, angles, deviations, noise, tables, targets, infrared, compass, ground):
     """Fill in the readings of robots.
 
@@ -121,7 +119,7 @@ def sense(robots, pose, angles, deviations, noise, tables, targets, infrared, co
     return count
 
 
-@_jit
+@kept
 def line(robots, pose, right_probability, noise, floor, marks):
     """Fill in `marks` of robots; `floor` is a tuple of what a `FloorTables` has."""
     xs, ys, headings = pose

@@ -18,6 +18,9 @@ from ciberrato.files.run_log import read_run
 
 REPOSITORY = Path(__file__).parents[2]
 PATIENCE = 300.0  # seconds; only a failure takes so long
+MAP_OR_NOT = (0, 3)
+"""Status of runs at 50 times real time: their robot goes on blindly while a busy machine leaves the agent
+behind, and then its readings need not fit the map."""
 
 
 @contextlib.contextmanager
@@ -66,7 +69,7 @@ def test_a_whole_run(tmp_path: Path, transport: str) -> None:
     truth = tmp_path / "truth.csv"
     world = ["--lab", "standard", "--grid", "5,7,0", "--seed", "3"]
     with simulator(
-        *world, "--lockstep", "--answer-limit", "inf", "--autostart", "1", "--truth", str(truth)
+        *world, "--lockstep", "--answer-limit", "300", "--autostart", "1", "--truth", str(truth)
     ) as (_, port):
         result = run_agent(tmp_path, port, "--transport", transport, "--exit-at-wall")
     assert result.returncode == 0, result.stderr
@@ -98,14 +101,14 @@ def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
             "9",
             "--lockstep",
             "--answer-limit",
-            "inf",
+            "300",
             "--autostart",
             "1",
         ) as (
             _,
             port,
         ):
-            assert run_agent(folder, port, "--exit-at-wall", "--quiet").returncode == 0
+            assert run_agent(folder, port, "--lockstep", "--exit-at-wall", "--quiet").returncode == 0
         logs.append(read_run(folder / "run.jsonl"))
     first, second = logs
     assert first.steps == second.steps
@@ -136,7 +139,7 @@ def test_a_simulator_that_goes_away(tmp_path: Path) -> None:
                 break
         process.kill()
         _, errors = agent.communicate(timeout=PATIENCE)
-    assert agent.returncode == 0
+    assert agent.returncode in MAP_OR_NOT, errors
     assert b"finishing" in errors
     (written,) = read_beliefs(tmp_path / "localization.out")
     assert len(written.beliefs) == len(read_run(tmp_path / "run.jsonl").steps) + 1 >= 4
@@ -158,6 +161,6 @@ def test_silence_ends_the_run(tmp_path: Path) -> None:
             _, errors = agent.communicate(timeout=PATIENCE)
         finally:
             process.send_signal(signal.SIGCONT)
-    assert agent.returncode == 0
+    assert agent.returncode in MAP_OR_NOT, errors
     assert b"no Measures for 10 s; finishing" in errors
     assert (tmp_path / "localization.out").exists()

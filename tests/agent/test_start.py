@@ -19,6 +19,19 @@ from ciberrato.files.lab import default_lab
 from ciberrato.world.parameters import Parameters
 
 ANGLES = (0.0, 60.0, -60.0, 180.0)
+# A first datagram, or connection, ends the program, which says what it has loaded by then.
+LOADED = """
+import json, os, sys
+
+def hook(event, arguments):
+    if event in ("socket.sendto", "socket.connect"):
+        print(json.dumps(sorted(sys.modules)), flush=True)
+        os._exit(0)
+
+sys.addaudithook(hook)
+from agent.cli import main
+main(sys.argv[1:])
+"""
 
 
 def test_before_the_registration_neither_numpy_nor_a_filter_nor_a_drive_is_loaded():
@@ -38,25 +51,22 @@ def test_before_the_registration_neither_numpy_nor_a_filter_nor_a_drive_is_loade
 
 @pytest.mark.parametrize("transport", ["udp", "tcp"])
 def test_numpy_is_loaded_after_the_registration_has_left(tmp_path, transport):
-    """A first datagram, or connection, ends the program, which says what it has loaded by then."""
-    program = (
-        "import json, os, sys\n"
-        "def hook(event, arguments):\n"
-        "    if event in ('socket.sendto', 'socket.connect'):\n"
-        "        print(json.dumps(sorted(sys.modules)), flush=True)\n"
-        "        os._exit(0)\n"
-        "sys.addaudithook(hook)\n"
-        "from agent.cli import main\n"
-        "main(sys.argv[1:])\n"
-    )
     words = ["-h", "127.0.0.1:1", "--give-up-after", "0.01", "--transport", transport]
-    command = [sys.executable, "-c", program, *words]
+    command = [sys.executable, "-c", LOADED, *words]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     loaded = set(json.loads(done.stdout))
     assert "agent.run.registration" in loaded
     assert not loaded & {"numpy", "scipy", "numba", "ciberrato.localization.pose_filter"}
     assert "ciberrato.protocol.messages" not in loaded  # all the others
     assert not loaded & {"shutil", "traceback", "ciberrato.localization.evidence.start_prior"}
+
+
+def test_in_lockstep_all_is_loaded_before_the_registration_leaves(tmp_path):
+    """The first answer is then not so late that it is taken for the next one's."""
+    command = [sys.executable, "-c", LOADED, "-h", "127.0.0.1:1", "--give-up-after", "0.01", "--lockstep"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    loaded = set(json.loads(done.stdout))
+    assert {"numpy", "agent.drives.right.controller", "ciberrato.files.run_log"} <= loaded
 
 
 def test_the_process_that_answers_is_soon_there():

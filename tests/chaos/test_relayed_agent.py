@@ -169,7 +169,9 @@ def test_from_the_first_message_to_sigint(start: Callable[..., Run]) -> None:
     # Every answer that the log tells of has arrived; one that came a cycle late counts there as unanswered.
     assert robot["answered"] + robot["unanswered"] == world["time"]
     assert robot["answered"] > 0
-    assert robot["answered"] + robot["caught_up"] <= len(cycles) - len(unanswered) + 4  # the stops
+    # On a busy machine the other process has answered more than the agent has come to log. And the stops.
+    behind = max(0, robot["last_answer"] - cycles[-1].time)
+    assert robot["answered"] + robot["caught_up"] <= len(cycles) - len(unanswered) + behind + 4
     assert len(read_beliefs(run.output)) == 1
 
 

@@ -12,7 +12,7 @@ TEXT = (ROOT / "docs" / "bayes.md").read_text()
 
 def test_the_programs_run_one_after_the_other():
     blocks = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     names = {}
     for block in blocks:
         exec(compile(block, "docs/bayes.md", "exec"), names)

@@ -25,7 +25,7 @@ def outputs():
     notebook = nbformat.v4.new_notebook(cells=cells)
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("JUPYTER_PATH", str(PAGE.parent / "_extensions"))
-        nbclient.NotebookClient(notebook, timeout=300, kernel_name="quiet").execute()
+        nbclient.NotebookClient(notebook, timeout=300, startup_timeout=300, kernel_name="quiet").execute()
     return [cell.outputs for cell in notebook.cells]
 
 

@@ -52,7 +52,7 @@ def over_the_wire(transport, lab_name, start, seed, folder):
         "1",
         "--lockstep",
         "--answer-limit",
-        "inf",
+        "300",
         "--speed",
         "1000",
     ]
@@ -60,7 +60,8 @@ def over_the_wire(transport, lab_name, start, seed, folder):
         port = next(
             found[1] for line in simulator.stdout if (found := re.search(rf"{transport} .*:(\d+)", line))
         )
-        agent_words = ["-h", f"127.0.0.1:{port}", "-m", lab_name, "--transport", transport, "--exit-at-wall"]
+        agent_words = ["-h", f"127.0.0.1:{port}", "-m", lab_name, "--transport", transport]
+        agent_words += ["--lockstep", "--exit-at-wall"]
         with running("agent", *agent_words, folder=folder) as agent:
             output = agent.stdout.read()
             assert agent.wait() == 0, output
@@ -85,7 +86,7 @@ def test_the_wire_changes_nothing(transport, lab_name, seed, tmp_path):
 @pytest.mark.slow
 def test_a_run_that_is_watched_ends_as_any_other(tmp_path):
     words = ["--lab", "corridors", "--grid", "corridors", "--seed", "7", "--port", "0", "--autostart", "1"]
-    words += ["--bind", "127.0.0.1", "--lockstep", "--answer-limit", "inf", "--speed", "20"]
+    words += ["--bind", "127.0.0.1", "--lockstep", "--answer-limit", "300", "--speed", "20"]
     with running("simulator_stub", *words, folder=tmp_path) as simulator:
         port = next(found[1] for line in simulator.stdout if (found := re.search(r"udp .*:(\d+)", line)))
         agent_words = ["-h", f"127.0.0.1:{port}", "-m", "corridors", "--watch", "--exit-at-wall"]

@@ -232,5 +232,7 @@ def test_in_real_time_a_run_is_graded_too(tmp_path, walls):
     path.write_text("pace = 'realtime'\nspeed = 5\n" + path.read_text())
     run(path, "--sandbox", walls, "--quiet", "--output", tmp_path / "report")
     for row in rows(tmp_path / "report"):
-        assert (row["status"], row["time"]) == ("time over", "60")
+        assert row["time"] == "60"
+        # On a busy machine the answer to the last Measures comes when the run is over.
+        assert re.fullmatch(r"time over|left at \d+", row["status"])
         assert int(row["answered"]) + int(row["unanswered"]) == 60

@@ -16,7 +16,7 @@ from ciberrato.grading.runner import Graded
 from ciberrato.grading.standing import standings
 from ciberrato.grading.task import Task
 from ciberrato.grading.telling import shown
-from tests.grading.test_playing import ARGUMENTS, CHROMIUM
+from tests.grading.test_playing import ARGUMENTS, CHROMIUM, MILLISECONDS
 
 NAMES = [
     "<img src=x onerror='window.hit=1'>",
@@ -63,8 +63,9 @@ def test_names_are_inert_in_junit_and_in_the_terminal(graded):
 def test_names_are_inert_in_the_report(graded, tmp_path):
     write_report(*graded, tmp_path, missing=0)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS, timeout=MILLISECONDS)
         page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.set_default_timeout(MILLISECONDS)
         page.goto((tmp_path / "index.html").as_uri())
         page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
         page.mouse.move(300, 300)

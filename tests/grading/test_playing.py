@@ -18,6 +18,7 @@ ARGUMENTS = [
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
     *("--disable-component-update", "--disable-sync"),
 ]
+MILLISECONDS = 300_000  # only a failure takes so long
 EVIL = "<img src=x onerror='window.hit=1'>"
 
 
@@ -96,8 +97,9 @@ def test_a_run_plays_in_a_browser_from_the_disk(tmp_path):
     report = tmp_path / "report"
     run(path, "--quiet", "--output", report)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS, timeout=MILLISECONDS)
         page = browser.new_page()
+        page.set_default_timeout(MILLISECONDS)
         faults, requests = [], []
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
@@ -107,7 +109,7 @@ def test_a_run_plays_in_a_browser_from_the_disk(tmp_path):
         assert page.inner_text("[data-measured=wall]") != ""
         page.click("a.play")
         page.wait_for_function("window.ciberrato?.store.last === 60")
-        page.wait_for_function("window.ciberrato.state.t === 60", timeout=60_000)  # it plays by itself
+        page.wait_for_function("window.ciberrato.state.t === 60")  # it plays by itself
         assert abs(page.evaluate("ciberrato.store.frames.at(-1).robots[0].dir")) > 5.0
         assert page.evaluate("ciberrato.store.frames[0].robots[0].dir") == 0.0
         # Panels are drawn ten times a second.
@@ -136,8 +138,9 @@ def test_a_run_of_a_tournament_plays_with_all_its_robots_as_the_course_calls_the
     report = tmp_path / "report"
     run(path, "--tournament", "--quiet", "--output", report)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS, timeout=MILLISECONDS)
         page = browser.new_page()
+        page.set_default_timeout(MILLISECONDS)
         faults = []
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)

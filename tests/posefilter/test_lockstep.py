@@ -39,7 +39,7 @@ def run_once(folder, cache, options, *, compiled="auto"):
             "1",
             "--lockstep",
             "--answer-limit",
-            "inf",
+            "300",
         ],
         stdout=subprocess.PIPE,
         text=True,

@@ -90,10 +90,14 @@ SIMULATOR_COMMAND_LINE = {"__init__", "__main__", "assembly", "cli", "options"}
 LAZY = {"scipy", "matplotlib", "numba", "lxml"}
 # Compiled loops: these modules are themselves imported only where the extra `fast` is asked for.
 ITSELF_LAZY = {
+    "ciberrato/bayes/kernel_loops.py",
     "ciberrato/bayes/loops.py",
     "ciberrato/bayes/motion_loops.py",
+    "ciberrato/bayes/product_loops.py",
     "ciberrato/bayes/ray_loops.py",
     "ciberrato/bayes/scan_loops.py",
+    "ciberrato/bayes/selected_loops.py",
+    "ciberrato/bayes/step_loops.py",
     "ciberrato/bayes/vectors.py",
     "ciberrato/infrared/cone_compiled.py",
     "ciberrato/infrared/sweep_compiled.py",

@@ -32,7 +32,7 @@ def drive(system, folder, transport):
     folder.mkdir()
     simulator = (
         *(program("simulator"), "--lab", "standard", "--grid", "standard", "--seed", "1", "--port", "0"),
-        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep", "--answer-limit", "inf"),
+        *("--bind", "127.0.0.1", "--tcp", "--autostart", "1", "--lockstep", "--answer-limit", "300"),
         *("--log", "log.xml", "--result", "result.json"),
     )
     with system.running(folder, *simulator) as simulation:

@@ -16,7 +16,7 @@ most 1/4, on the average 1/6 square cell.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,6 +75,7 @@ def lattice_kernels(
     reach: tuple[int, int],
     sigmas: float = _SIGMAS,
     cut: float | None = None,
+    loops: Any = None,
 ) -> LatticeKernels:
     """Create kernels with the given means and covariances.
 
@@ -90,6 +91,8 @@ def lattice_kernels(
         Cut wide distributions off beyond this many sigmas, and normalize the rest.
     cut : float, optional
         Leave out, after that, what is beyond this many sigmas along the wider axis.
+    loops : module, optional
+        Compiled loops of `ciberrato.bayes.loops`, for small kernels: weights differ by 1e-15 at most.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def lattice_kernels(
     pieces = []
     small = np.flatnonzero(~wide)
     if len(small):
-        held, piece = _by_vectors(small, mean[small], covariance[small])
+        held, piece = _by_vectors(small, mean[small], covariance[small], loops)
         wide[small[~held]] = True
         pieces.append(piece)
     chosen = np.flatnonzero(wide)
@@ -113,9 +116,12 @@ def lattice_kernels(
 
 
 def _by_vectors(
-    some: IntArray, mean: FloatArray, covariance: FloatArray
+    some: IntArray, mean: FloatArray, covariance: FloatArray, loops: Any
 ) -> tuple[BoolArray, tuple[IntArray, IntArray, FloatArray]]:
     """Return the kernels that three vectors can hold, with the kernel, cells and weight of each entry."""
+    if loops is not None:
+        held, cells, weights = loops.kernels_of_vectors(mean, covariance, _THIN, _MOST_BASES)
+        return held, (np.repeat(some[held], 7), cells[held].reshape(-1, 2), weights[held].ravel())
     nearest = np.rint(mean)
     rest = mean - nearest
     vectors, sizes, slants = _vectors(covariance + rest[:, :, np.newaxis] * rest[:, np.newaxis, :], rest)

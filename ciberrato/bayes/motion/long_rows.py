@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from ciberrato.bayes import compiled
-from ciberrato.bayes.arraytypes import BoolArray, FloatArray
+from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
 from ciberrato.bayes.motion.lattice import LatticeKernels
 
 # Kernels of more cells than this are better applied by Fourier transform (`passes.move`).
 _WIDE = 400
+# Headings of a block of a turn's matrix. Row by row of places, blocks stay in the cache.
+_COLUMNS = 36
 
 
 def fits(kernels: LatticeKernels) -> bool:
@@ -56,15 +58,16 @@ def predict_long_rows(
     images, driven = work[key]
     # The zeros stay: only places are written.
     places = images[:, :, :columns]
-    compiled.share(
-        lambda begin, end: np.matmul(
-            first.T, belief[begin:end].swapaxes(1, 2), out=places[:, begin:end].swapaxes(0, 1)
-        ),
-        rows,
-        belief.size,
-    )
+    turns = _parts(first)
+
+    def turn(begin: int, end: int) -> None:
+        for row in range(begin, end):
+            for before, after, part in turns:
+                np.matmul(part.T, belief[row][:, before].T, out=places[after, row])
+
+    compiled.share(turn, rows, belief.size)
     order = np.argsort(kernels.kernel, kind="stable")
-    ends = np.searchsorted(kernels.kernel[order], np.arange(count + 1))
+    ends = np.searchsorted(kernels.kernel[order], np.arange(count + 1)).tolist()
     steps = (kernels.cells @ np.array([wide, 1]))[order].tolist()
     shares = kernels.weights[order].tolist()
     inside = None
@@ -77,19 +80,51 @@ def predict_long_rows(
         scratch = np.empty(rows * wide, dtype=kind)
         for k in range(begin, end):
             image, onto = images[k].ravel(), driven[k].reshape(-1)
-            onto[:] = 0.0
-            for step, share in zip(steps[ends[k] : ends[k + 1]], shares[ends[k] : ends[k + 1]], strict=True):
-                source = image[max(0, -step) : len(image) - max(0, step)]
-                target = onto[max(0, step) : len(image) - max(0, -step)]
-                product = np.multiply(source, share, out=scratch[: len(source)])
-                np.add(target, product, out=target)
+            if ends[k] == ends[k + 1]:
+                onto[:] = 0.0
+            for entry in range(ends[k], ends[k + 1]):
+                step, share = steps[entry], shares[entry]
+                begins, stops = max(0, step), len(image) - max(0, -step)
+                source, target = image[max(0, -step) : len(image) - max(0, step)], onto[begins:stops]
+                if entry == ends[k]:
+                    onto[:begins] = onto[stops:] = 0.0
+                    np.multiply(source, share, out=target)
+                else:
+                    np.multiply(source, share, out=scratch[: len(source)])
+                    np.add(target, scratch[: len(source)], out=target)
             if inside is not None:
                 np.multiply(onto, inside, out=onto)
 
     compiled.share(move, count, belief.size)
     after = np.empty_like(belief)
-    arrived = driven[:, :, :columns].transpose(1, 2, 0)
-    compiled.share(
-        lambda begin, end: np.matmul(arrived[begin:end], last, out=after[begin:end]), rows, belief.size
-    )
+    turns = _parts(last)
+
+    def turn_again(begin: int, end: int) -> None:
+        for row in range(begin, end):
+            for before, onto, part in turns:
+                np.matmul(driven[before, row, :columns].T, part, out=after[row][:, onto])
+
+    compiled.share(turn_again, rows, belief.size)
     return after
+
+
+def _parts(matrix: FloatArray) -> list[tuple[slice | IntArray, slice, FloatArray]]:
+    """Return a matrix in blocks of columns, without the rows that are zero in a block.
+
+    Returns
+    -------
+    list of (rows, columns, block)
+        Rows are a slice, where those that are not zero lie side by side.
+    """
+    count, parts = matrix.shape[1], []
+    for begin in range(0, count, _COLUMNS):
+        columns = slice(begin, min(begin + _COLUMNS, count))
+        held = np.flatnonzero(matrix[:, columns].any(axis=1))
+        held = held if len(held) else np.zeros(1, dtype=np.intp)
+        rows: slice | IntArray = held
+        if len(held) == held[-1] - held[0] + 1:
+            rows = slice(int(held[0]), int(held[-1]) + 1)
+        parts.append((rows, columns, np.ascontiguousarray(matrix[rows, columns])))
+    if 2 * sum(part.size for *_, part in parts) > matrix.size:
+        return [(slice(None), slice(None), matrix)]
+    return parts

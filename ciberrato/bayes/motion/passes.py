@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,12 +120,16 @@ def turn_matrix(size: int, turn: float, sigma: float, *, before: int = 1, after:
     count = size * after
     if sigma > 2 * size:
         return np.full((size * before, count), 1.0 / count)  # to 1e-34
-    rows = np.empty((before, count))
+    result = np.empty((size, before, count))
     for part in range(before):
         kernel = gaussian_kernel((turn + part / before) * after, (sigma * after) ** 2)
         cells = (kernel.first + np.arange(len(kernel.weights))) % count
-        rows[part] = np.bincount(cells, np.maximum(kernel.weights, 0.0), count)
-    return np.asarray(rows[:, _turned(size, after)].swapaxes(0, 1).reshape(-1, count))
+        row = np.tile(np.bincount(cells, np.maximum(kernel.weights, 0.0), count), 2)
+        # Each heading's row is the one before, turned by a cell: a view of the row twice over, read backward.
+        result[:, part] = np.lib.stride_tricks.as_strided(
+            row[count:], (size, count), (-after * row.itemsize, row.itemsize)
+        )
+    return result.reshape(-1, count)
 
 
 def turn_band(size: int, turn: float, sigma: float) -> tuple[int, FloatArray]:
@@ -136,12 +139,6 @@ def turn_band(size: int, turn: float, sigma: float) -> tuple[int, FloatArray]:
         if len(kernel.weights) <= size:
             return kernel.first, np.maximum(kernel.weights, 0.0)
     return 0, np.ascontiguousarray(turn_matrix(size, turn, sigma)[0])
-
-
-@lru_cache(maxsize=16)
-def _turned(size: int, parts: int) -> IntArray:
-    """Return [k, i]: the part of a cell that k cells' turn brings to part i, (size, size * parts)."""
-    return (np.arange(size * parts) - parts * np.arange(size)[:, np.newaxis]) % (size * parts)
 
 
 def spread(sigma: float) -> tuple[IntArray, FloatArray]:

@@ -18,14 +18,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ciberrato.bayes import compiled
 from ciberrato.bayes.arraytypes import BoolArray, FloatArray, IntArray
-from ciberrato.bayes.motion.in_machine_code import predict_compiled
+from ciberrato.bayes.motion.in_machine_code import predict_compiled, predict_states_compiled, step_compiled
 from ciberrato.bayes.motion.inputs import check_belief
 from ciberrato.bayes.motion.lattice import LatticeKernels, lattice_kernels
 from ciberrato.bayes.motion.long_rows import fits, predict_long_rows
@@ -45,6 +45,24 @@ from ciberrato.bayes.motion.passes import (
 from ciberrato.bayes.motion.selected import States, turn_drive_turn
 from ciberrato.bayes.spaces import StateSpace
 from ciberrato.reprs import short_repr
+
+
+class Plan(NamedTuple):
+    """What moves a belief in machine code.
+
+    Attributes
+    ----------
+    turns : two pairs (turn, sigma)
+        In heading cells.
+    kernels : LatticeKernels
+        One for each heading.
+    """
+
+    turns: tuple[tuple[float, float], tuple[float, float]]
+    kernels: LatticeKernels
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +180,36 @@ class TurnDriveTurn:
         after = moved.T @ last
         return Prediction(after.reshape(belief.shape), skipped, truncated)
 
+    def plan(self, control: OdometryReading) -> Plan | None:
+        """Return what `step` moves a belief by; None where machine code is not loaded, or does not do it.
+
+        Errors of the reading as of `predict_with_losses`.
+        """
+        rot1, _, rot2 = self._sigmas(control)
+        width = self.space.axes[2].cell
+        parts = directions_per_heading(self.space, control.trans, rot2)
+        if compiled.kernels(self.space.size) is None or parts != 1 or self.skip_below > 0.0:
+            return None
+        steps = round(control.rot1 / width)
+        left = control.rot1 - steps * width
+        turns = (steps, rot1 / width), ((control.rot2 + left) / width, rot2 / width)
+        return Plan(turns, self._kernels(control, 1, left, None))
+
+    def step(
+        self,
+        plan: Plan,
+        belief: FloatArray,
+        factor: float,
+        scan: tuple[Any, ...],
+        limits: tuple[float, ...],
+        out: FloatArray,
+    ) -> tuple[float, int]:
+        """Move a belief times a factor and multiply it by a scan's likelihood, in machine code.
+
+        Parameters and result as of `ciberrato.bayes.motion.in_machine_code.step_compiled`.
+        """
+        return step_compiled(belief, factor, out, self.free, *plan, scan, limits, self._work)
+
     def predict_states(
         self, states: IntArray, masses: FloatArray, control: OdometryReading, *, skip: float = 0.0
     ) -> States:
@@ -181,20 +229,29 @@ class TurnDriveTurn:
         Returns
         -------
         States
-            Not normalized, as of `predict`.
+            Not normalized, as of `predict`. In machine code (`ciberrato.bayes.compiled`) each mass is off by
+            1e-14 of the greatest at most, and so is what decides which are left out.
         """
         rot1, _, rot2 = self._sigmas(control)
         headings, width = self.space.shape[2], self.space.axes[2].cell
         parts = directions_per_heading(self.space, control.trans, rot2)
         steps = round(control.rot1 * parts / width)
         left = control.rot1 - steps * width / parts
+        free = np.ones(self.space.shape[:2], dtype=bool) if self.free is None else self.free
+
+        def kernels(some: IntArray) -> LatticeKernels:
+            return self._kernels(control, parts, left, None, some)
+
+        if compiled.kernels(self.space.size) is not None and parts == 1:
+            turns = (steps, rot1 / width), ((control.rot2 + left) / width, rot2 / width)
+            return predict_states_compiled(states, masses, self.space.shape, free, turns, kernels, skip)
         return turn_drive_turn(
             states,
             masses,
             turn_matrix(headings, steps / parts, rot1 / width, after=parts),
-            lambda some: self._kernels(control, parts, left, None, some),
+            kernels,
             turn_matrix(headings, (control.rot2 + left) / width, rot2 / width, before=parts),
-            np.ones(self.space.shape[:2], dtype=bool) if self.free is None else self.free,
+            free,
             skip,
         )
 
@@ -248,7 +305,8 @@ class TurnDriveTurn:
         direction = axis.centres[0] + part * axis.cell / parts + left
         mean, covariance = ways(self.space, direction, control.trans, self.noise.sigmas(control)[1])
         window = self.window if cut is None else max(self.window, cut)
-        return lattice_kernels(mean, covariance, reach=reach(self.space), sigmas=window, cut=cut)
+        loops = compiled.kernels(self.space.size)
+        return lattice_kernels(mean, covariance, reach=reach(self.space), sigmas=window, cut=cut, loops=loops)
 
     def _images(self, count: int, kind: Any) -> tuple[FloatArray, FloatArray]:
         # Kept from call to call: fresh arrays of this size cost as much in page faults as the work on them.

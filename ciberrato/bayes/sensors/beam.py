@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -23,6 +24,9 @@ from ciberrato.bayes.arraytypes import FloatArray
 from ciberrato.bayes.checks import positive, range_array, refuse_map
 from ciberrato.bayes.sensors.normal import log_interval
 from ciberrato.reprs import short_repr
+
+# Of so many expected ranges what depends on them alone is kept: a scan table asks for the same each time.
+_FEW = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +91,10 @@ class BeamModel:
         ValueError
             If a range is negative, or an expected one nan where that is an error.
         """
+        return np.stack(np.broadcast_arrays(*self._parts(reading, expected)))
+
+    def _parts(self, reading: ArrayLike, expected: ArrayLike) -> list[FloatArray]:
+        """Return what `parts` does, each no larger than what it depends on."""
         z: FloatArray = np.minimum(range_array(reading), self.max_range)
         ahead: FloatArray = np.minimum(range_array(expected, what="expected range"), self.max_range)
         unknown = np.isnan(ahead)
@@ -94,20 +102,21 @@ class BeamModel:
             if self.unknown == "raise":
                 refuse_map(unknown)
             ahead = np.where(unknown, self.max_range, ahead)
-        # Before broadcasting: what depends on the expected ranges alone is worked out for each of them once.
-        log_hit = self._log_hit(z, ahead)
-        z, ahead, unknown = np.broadcast_arrays(z, ahead, unknown)
-        result = np.empty((4, *z.shape))
         # Below -700 the exponential would be a denormal number, far under the random part if there is one.
-        result[0] = self.hit * self.resolution * np.exp(np.maximum(log_hit, -700.0))
+        hit = self._log_hit(z, ahead)
+        np.maximum(hit, -700.0, out=hit)
+        hit = self.hit * self.resolution * np.exp(hit)
         with np.errstate(divide="ignore", invalid="ignore"):
-            density = self.decay * np.exp(-self.decay * z) / -np.expm1(-self.decay * ahead)
-        result[1] = np.where((z <= ahead) & (ahead > 0.0), self.short * self.resolution * density, 0.0)
-        result[2] = np.where(z >= self.max_range, self.longest, 0.0)
-        result[3] = self.random * self.resolution / self.max_range
-        result[:3, unknown] = 0.0
-        result[3, unknown] = self.resolution / self.max_range
-        result[:, np.isnan(z)] = np.nan
+            short = self.decay * np.exp(-self.decay * z) / -np.expm1(-self.decay * ahead)
+            short = np.where((z <= ahead) & (ahead > 0.0), self.short * self.resolution * short, 0.0)
+        longest = np.where(z >= self.max_range, self.longest, 0.0)
+        result = [hit, short, longest, np.array(self.random * self.resolution / self.max_range)]
+        if unknown.any():
+            result = [np.where(unknown, 0.0, part) for part in result[:3]] + [
+                np.where(unknown, self.resolution / self.max_range, result[3])
+            ]
+        if (missing := np.isnan(z)).any():
+            result = [np.where(missing, np.nan, part) for part in result]
         return result
 
     def beam_log_likelihood(self, reading: ArrayLike, expected: ArrayLike) -> FloatArray:
@@ -115,22 +124,25 @@ class BeamModel:
 
         0 where the reading is nan. Errors as of `parts`.
         """
-        parts = self.parts(reading, expected)
-        with np.errstate(divide="ignore"):
+        hit, *others = self._parts(reading, expected)
+        with np.errstate(divide="ignore", invalid="ignore"):
             if self.random > 0.0 or self.hit == 0.0:
-                result = np.log(parts.sum(axis=0))
+                result = np.log(hit + others[0] + others[1] + others[2])
             else:
                 # Nothing else holds up a hit that is far off: its own logarithm does.
                 z, ahead = (
                     np.minimum(np.asarray(v, dtype=float), self.max_range) for v in (reading, expected)
                 )
-                hit = math.log(self.hit * self.resolution) + self._log_hit(z, ahead)
-                result = np.logaddexp(np.where(np.isnan(hit), -np.inf, hit), np.log(parts[1:].sum(axis=0)))
-        return np.where(np.isnan(reading), 0.0, result)
+                log_hit = math.log(self.hit * self.resolution) + self._log_hit(z, ahead)
+                result = np.logaddexp(
+                    np.where(np.isnan(log_hit), -np.inf, log_hit), np.log(others[0] + others[1] + others[2])
+                )
+        missing = np.isnan(reading)
+        return np.where(missing, 0.0, result) if missing.any() else result
 
     def _log_hit(self, z: FloatArray, ahead: FloatArray) -> FloatArray:
         """Compute the logarithm of the Gaussian's density within [0, max_range]."""
-        within = log_interval(-ahead / self.sigma, (self.max_range - ahead) / self.sigma)
+        within = _log_within(self.sigma, self.max_range, ahead)
         log_hit = -0.5 * np.square((z - ahead) / self.sigma) - math.log(self.sigma * math.sqrt(2.0 * math.pi))
         return np.asarray(log_hit - within)
 
@@ -171,3 +183,16 @@ class BeamModel:
         short = -np.log1p(chance * np.expm1(-self.decay * ranges)) / self.decay
         anywhere = self.max_range * rng.random(ranges.shape)
         return np.choose(part, [hit, short, np.full(ranges.shape, self.max_range), anywhere])
+
+
+def _log_within(sigma: float, max_range: float, ahead: FloatArray) -> FloatArray:
+    """Return the logarithm of the mass of a Gaussian about each range within [0, max_range]."""
+    if ahead.size <= _FEW:
+        return np.frombuffer(_log_within_few(sigma, max_range, ahead.tobytes())).reshape(ahead.shape)
+    return log_interval(-ahead / sigma, (max_range - ahead) / sigma)
+
+
+@lru_cache(maxsize=8)
+def _log_within_few(sigma: float, max_range: float, ranges: bytes) -> bytes:
+    ahead: FloatArray = np.frombuffer(ranges)
+    return log_interval(-ahead / sigma, (max_range - ahead) / sigma).tobytes()

@@ -59,6 +59,12 @@ class ScanLikelihood:
             return self.table._of_all(self.worth)
         return self.table._of_states(states, self.worth)
 
+    def for_loops(self) -> tuple[Any, ...] | None:
+        """Return what `TurnDriveTurn.step` takes; None if machine code is not loaded."""
+        if compiled.kernels(self.table.space.size) is None:
+            return None
+        return self.table._for_loops(self.worth)
+
     @property
     def highest(self) -> float:
         """Log likelihood that no state exceeds: each beam's best range, wherever it may be."""
@@ -234,8 +240,8 @@ class ScanTable:
         total[row < 0] = -np.inf
         return total
 
-    def _compiled(self, states: IntArray | None, worth: FloatArray) -> NDArray[np.float32]:
-        """Return the log likelihood of all states or some, by machine code."""
+    def _for_loops(self, worth: FloatArray) -> tuple[Any, ...]:
+        """Return what `ciberrato.bayes.scan_loops.scan_places` takes, up to its array for the result."""
         loops: Any = compiled.kernels(self.space.size)
         if self._by_place is None:
             # Directions with the same remainder by the spacing lie side by side.
@@ -245,16 +251,20 @@ class ScanTable:
         stride = -(-beams // loops.RUN) * loops.RUN
         table = _aligned(_LEVELS * stride)
         table.reshape(-1, stride)[:, :beams] = worth[::-1].T
-        given = self._by_place, self._row_of, table, beams, self._spacing
-        high = int(self.steps.max())
+        return self._by_place, self._row_of, table, beams, self._spacing, int(self.steps.max())
+
+    def _compiled(self, states: IntArray | None, worth: FloatArray) -> NDArray[np.float32]:
+        """Return the log likelihood of all states or some, by machine code."""
+        loops: Any = compiled.kernels(self.space.size)
+        given = self._for_loops(worth)
         if states is not None:
             some = np.ascontiguousarray(states, dtype=np.intp)
             chosen = np.empty(len(some), dtype=np.float32)
-            loops.scan_states(*given, high, some, chosen)
+            loops.scan_states(*given, some, chosen)
             return chosen
         result = np.empty(self.space.size, dtype=np.float32)
         compiled.share(
-            lambda begin, end: loops.scan_places(*given, high, result, begin, end),
+            lambda begin, end: loops.scan_places(*given, result, begin, end),
             len(self._row_of),
             result.size,
         )
