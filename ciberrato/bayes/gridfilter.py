@@ -77,7 +77,7 @@ class GridFilter:
         self._masses: FloatArray = np.ascontiguousarray(given / given.sum(), dtype=kind)
         self._factor = 1.0
         self._put_off: tuple[OdometryReading, Plan | None] | None = None
-        # Room for the next belief; none where the last one is somebody's.
+        # Room for the next belief; none where a caller has the last one.
         self._spare: FloatArray | None = None
         self._lent = False
 
@@ -155,7 +155,7 @@ class GridFilter:
         return self._spare
 
     def _taken(self, masses: FloatArray) -> None:
-        """Take an array for the belief, and the last one for room, unless it is somebody's."""
+        """Set the array of the belief; the last one is room from now on, unless a caller has it."""
         self._spare = None if self._lent else self._masses
         self._masses, self._lent = masses, False
 

@@ -52,7 +52,7 @@ def _raised(vectors, sizes, mean_x, mean_y, slants):
 
 @kept
 def kernels_of_vectors(mean, covariance, thin, most):
-    """Make small kernels of three vectors: what `ciberrato.bayes.motion.lattice` says of them.
+    """Compute small kernels of three vectors: what `ciberrato.bayes.motion.lattice` says of them.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def step_compiled(
     belief, out : FloatArray, shape (x, y, heading)
         Contiguous, of one precision; not the same.
     factor : float
-        What the belief is to be multiplied by.
+        The belief is multiplied by it.
     free, turns, kernels, work
         As of `predict_compiled`.
     scan : tuple

@@ -48,7 +48,7 @@ from ciberrato.reprs import short_repr
 
 
 class Plan(NamedTuple):
-    """What moves a belief in machine code.
+    """Arrays by which machine code moves a belief.
 
     Attributes
     ----------
