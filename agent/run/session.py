@@ -56,6 +56,7 @@ class Session:
         self._relay: Relay | None = None
         self._held: Cycle | None = None
         """Message that another process answers: it is recorded when it is known what was sent."""
+        self._is_stopped = False
         self.lost_contact = False
         """Whether the run has ended because the simulator was not heard any more, or has begun again."""
 
@@ -109,6 +110,9 @@ class Session:
         finally:
             if relayed is not None:
                 relayed.release()
+            if not self._is_stopped:
+                # Nothing was recorded, or there was an error: another process may have driven all the same.
+                self._stop(link)
             link.close()
 
     def _drive(self, link: Link, relayed: RelayedLink | None, answer: Answer) -> str:
@@ -339,6 +343,7 @@ class Session:
         """Stop the robot; where messages are lost, once is not enough."""
         from ciberrato.protocol import Actions, encode
 
+        self._is_stopped = True
         stop = encode(Actions(left_motor=0.0, right_motor=0.0))
         with contextlib.suppress(LinkError):  # then the robot is out of reach
             link.send(stop)
