@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
 from typing import Any, Protocol
 
 import numpy as np
@@ -57,7 +55,6 @@ def tabulate_distances(
     convert: Convert | None = None,
     loops: Loops | None = None,
     progress: Callable[[float], None] | None = None,
-    threads: int = 1,
 ) -> NDArray[Any]:
     """Compute the distance that a sensor takes in every place and direction.
 
@@ -76,9 +73,6 @@ def tabulate_distances(
         Machine code for the same arithmetic, to the last bit.
     progress : callable, optional
         Called with the fraction done.
-    threads : int
-        Number of threads, without machine code: tiles are independent, and numpy lets others run while it
-        computes.
 
     Returns
     -------
@@ -88,8 +82,7 @@ def tabulate_distances(
     sweep = Sweep(walls, first, count, convert=convert, loops=loops)
     table = np.empty((count, len(places)), sweep.dtype)
     tiles = Tiles(places, _tile_size(places))
-    parts = sweep.tiles(places, tiles, threads)
-    for number, (members, part) in enumerate(zip(tiles.members, parts, strict=True)):
+    for number, (members, part) in enumerate(zip(tiles.members, sweep.tiles(places, tiles), strict=True)):
         if progress is not None and number % 8 == 0:
             progress(number / len(tiles.members))
         table[:, members] = part
@@ -115,7 +108,7 @@ class Sweep:
         self._convert = convert
         self._directions = Directions(walls, first, count)
         self._plan = SweepPlan(self._directions)
-        self._painters, self._loops = [_NumpyPainter(self._directions)], loops
+        self._painter, self._loops = _NumpyPainter(self._directions), loops
         self._compiled = self._plan.arrays() if loops is not None else ()
 
     def tile(self, places: Floats) -> NDArray[Any]:
@@ -125,29 +118,20 @@ class Sweep:
         low, high = places.min(axis=0)[np.newaxis], places.max(axis=0)[np.newaxis]
         return self._sweep(self._plan.tiles(low, high)[0], places)
 
-    def tiles(self, places: Floats, tiles: Tiles, threads: int = 1) -> Iterator[NDArray[Any]]:
+    def tiles(self, places: Floats, tiles: Tiles) -> Iterator[NDArray[Any]]:
         """Yield the distances at the places of each tile."""
         if self._loops is not None:
             yield from (self.tile(places[members]) for members in tiles.members)
             return
-
-        def swept(plan: TilePlan, members: Integers) -> NDArray[Any]:
-            return self._sweep(plan, places[members])
-
         step = self._plan.at_once
-        with ThreadPoolExecutor(threads, "ciberrato-sweep") if threads > 1 else nullcontext() as pool:
-            for first in range(0, len(tiles.members), step):
-                some = slice(first, first + step)
-                plans = self._plan.tiles(tiles.low[some], tiles.high[some])
-                yield from (map if pool is None else pool.map)(swept, plans, tiles.members[some])
+        for first in range(0, len(tiles.members), step):
+            some = slice(first, first + step)
+            plans = self._plan.tiles(tiles.low[some], tiles.high[some])
+            for plan, members in zip(plans, tiles.members[some], strict=True):
+                yield self._sweep(plan, places[members])
 
     def _sweep(self, plan: TilePlan, places: Floats) -> NDArray[Any]:
-        # Each thread has a painter of its own.
-        painter = self._painters.pop() if self._painters else _NumpyPainter(self._directions)
-        try:
-            return self._converted(_sweep_tile(self._directions, plan, places, painter))
-        finally:
-            self._painters.append(painter)
+        return self._converted(_sweep_tile(self._directions, plan, places, self._painter))
 
     def _converted(self, distances: Floats) -> NDArray[Any]:
         return distances if self._convert is None else self._convert(distances)

@@ -76,27 +76,6 @@ def test_distances_among_walls_of_all_kinds_equal_those_of_the_sensor_model(seed
     )
 
 
-@pytest.mark.parametrize("threads", [2, 3])
-def test_tiles_by_several_threads_are_the_same_to_the_last_bit(threads):
-    lab = _random_lab(5)
-    walls, places = WallMap.from_lab(lab), build_lattice(lab, 2.0 / 9.0).representative
-    seen: list[float] = []
-    one, several = (
-        tabulate_distances(walls, places, 0.2, 72, convert=encode, threads=number, progress=seen.append)
-        for number in (1, threads)
-    )
-    assert np.array_equal(one, several)
-    assert seen[: len(seen) // 2] == seen[len(seen) // 2 :] == sorted({*seen})
-
-    def broken(distances):
-        if distances.ndim > 1:
-            raise OSError("no room")
-        return distances
-
-    with pytest.raises(OSError, match="no room"):
-        tabulate_distances(walls, places, 0.2, 72, convert=broken, threads=threads)
-
-
 def test_codes_begin_where_the_formula_says():
     generator = np.random.default_rng(5)
     distances = np.concatenate(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ciberrato.reprs import short_repr
-from ciberrato.system.process import lower_priority, processors
+from ciberrato.system.process import lower_priority
 from ciberrato.world.lab import Lab
 
 _LARGE = 1500.0
@@ -79,12 +79,7 @@ def _compute(request: TableRequest) -> None:
             print(f"{done:.2f}", flush=True)  # fails, and ends this process, when the parent is gone
 
     tables = build_tables(
-        request.lab,
-        request.angles,
-        request.resolution,
-        steps=request.steps,
-        progress=progress,
-        threads=processors(),
+        request.lab, request.angles, request.resolution, steps=request.steps, progress=progress
     )
     tables.complete(request.lab)
     write_tables(request.path, tables)

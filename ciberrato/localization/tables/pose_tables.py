@@ -198,7 +198,6 @@ def build_tables(
     *,
     steps: int = 2,
     progress: Progress | None = None,
-    threads: int = 1,
 ) -> PoseTables:
     """Compute the tables of a lab.
 
@@ -213,8 +212,6 @@ def build_tables(
         Directions a bin.
     progress : callable, optional
         Called with the fraction done, from 0 to 1.
-    threads : int
-        As for `ciberrato.infrared.sweep.tabulate_distances`.
 
     Returns
     -------
@@ -238,7 +235,6 @@ def build_tables(
             convert=encode,
             loops=compiled.kernels(),
             progress=part,
-            threads=threads,
         )
         codes.append(np.concatenate([coded, coded]))
     return PoseTables(lattice=lattice, steps=steps, codes=tuple(codes), sensors=sensors, fractions=fractions)
