@@ -180,7 +180,7 @@ def draw(sizes: list[Size], path: Path) -> None:
     """Draw time and memory against the number of states."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
     for axis, field, scale, label in (
         (axes[0], "seconds", 1e3, "CPU time of a step / ms"),
         (axes[1], "held", 1e-6, "memory allocated in a step / MB"),
@@ -199,7 +199,7 @@ def draw(sizes: list[Size], path: Path) -> None:
             axis.loglog([size.states for size in known], values, mark, label=name)
         axis.set(xlabel="states", ylabel=label)
         axis.grid(True, which="major", alpha=0.3)
-        axis.legend()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
