@@ -229,6 +229,17 @@ def test_interrupted(start: Callable[..., Run], place: str) -> None:
         run.wait_for_rest()
 
 
+def test_a_log_that_cannot_be_written(start: Callable[..., Run]) -> None:
+    run = start(ACCEPTED[0])
+    run.wait_paused()
+    run.wait_moving()
+    run.log.mkdir()
+    _, errors = run.agent.communicate(b"\n", timeout=PATIENCE)
+    assert run.agent.returncode == 2
+    assert b"cannot be written" in errors
+    run.wait_for_rest()
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_while_it_finishes(start: Callable[..., Run], number: int) -> None:
     run = start("call:agent.run.live_method:LiveMethod._write_beliefs")
