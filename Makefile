@@ -47,7 +47,7 @@ quick: $(VENV)/.stamp  ## the tests that take less than a few seconds each
 test: lint  ## the tests, on every core, after ruff, codespell and mypy; CI runs `make thorough` on top
 	$(BIN)/python -m pytest -n auto -m "not thorough and not chaos_long"
 
-thorough: $(VENV)/.stamp  ## whole courses, other systems, bad neighbours, environments over thousands of steps; CI runs it, too
+thorough: $(VENV)/.stamp  ## whole courses, other systems, bad neighbours, signals at many moments, all cases of motion; CI runs it, too
 	$(BIN)/python -m pytest -n auto -m "thorough and not chaos_long"
 
 chaos: $(VENV)/.stamp  ## bad networks, hostile clients, full disks: the part that CI runs, one test at a time

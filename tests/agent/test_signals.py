@@ -18,7 +18,7 @@ from ciberrato.files.beliefs import read_beliefs
 from ciberrato.files.run_log import read_run
 from ciberrato.world.parameters import Parameters
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 REPOSITORY = Path(__file__).parents[2]
 PAUSING_AGENT = Path(__file__).with_name("pausing_agent.py")

@@ -25,6 +25,7 @@ def test_ten_small_steps_are_those_of_samples(case):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", SLOW, ids=str)
 def test_ten_steps_of_any_size_are_those_of_samples(case):
     check(case)
